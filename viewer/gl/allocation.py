@@ -82,7 +82,7 @@ def is_released(made: Releasable) -> bool:
     return isinstance(getattr(made, "mglo", None), moderngl.InvalidObject) or getattr(made, "is_released", False)
 
 
-def repicking(buffer: moderngl.Buffer, data: bytes) -> None:
+def replace_content(buffer: moderngl.Buffer, data: bytes) -> None:
     """Write the beginning of a buffer whose old content nobody needs: the driver need not wait until the GPU has read that."""
     buffer.orphan()
     buffer.write(data)

@@ -1,1 +1,1 @@
-"""RenderContext a view of a scene: the renderer, its passes and what they read."""
+"""Drawing of a view of a scene: the renderer, its passes and the resources that they read."""

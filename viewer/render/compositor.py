@@ -32,11 +32,11 @@ from viewer.state.compare_layout import layout_of, shown_slots
 from viewer.state.view_state import Difference, Overlay, ViewState, is_image_source
 
 LARGEST_COUNT = 3
-"""Groupings that are counted in one pass: those of two slots, and one that was shown before."""
+"""Most groupings that one pass counts: those of two slots, and one that was shown before."""
 
 
 class DivergenceOverlay:
-    """Maps and statistics of the groupings that are shown, all from one visibility buffer in one pass."""
+    """Divergence maps and statistics of the shown groupings. One pass counts all of them from one visibility buffer."""
 
     def __init__(self, context: RenderContext, stage: Stage) -> None:
         self._context, self._scheduler = context.graphics, context.scheduler
@@ -60,52 +60,54 @@ class DivergenceOverlay:
     ) -> Output:
         """Count the maps of `groupings` in blocks of (width, height) pixels, unless they are known.
 
-        What was counted last for the same picture is counted with it: slots that alternate are then counted once.
-        Unless frames wait, statistics are those of a frame or two before, but for groupings that have none.
+        Groupings counted last for the same picture are counted again with these, so alternating slots cause one count.
+        Unless frames wait for the GPU, statistics arrive a frame or two later. Only a grouping without any is waited for.
         """
         visibility = view.visibility
         place = (visibility, view.version, block)
         known = self._groupings if place == self._place else {}
         if any(known.get(source) != grouping for source, grouping in groupings.items()):
             others = [(source, grouping) for source, grouping in known.items() if source not in groupings]
-            wanted = {**groupings, **dict(others[: LARGEST_COUNT - len(groupings)])}
+            counted_groupings = {**groupings, **dict(others[: LARGEST_COUNT - len(groupings)])}
         else:
-            wanted = known
-        # Until all of it is counted nothing is known.
+            counted_groupings = known
+        # No map is valid until all are counted.
         self._place = None
-        if self._tables is None or list(wanted.items()) != list(self._groupings.items()):
-            tables = DecoderTables(self._context, [grouping.decoders for grouping in wanted.values()])
+        if self._tables is None or list(counted_groupings.items()) != list(self._groupings.items()):
+            tables = DecoderTables(self._context, [grouping.decoders for grouping in counted_groupings.values()])
             if self._tables is not None:
                 self._tables.release()
-            self._tables, self._groupings = tables, wanted
-        shape = (visibility.size, block, len(wanted))
+            self._tables, self._groupings = tables, counted_groupings
+        shape = (visibility.size, block, len(counted_groupings))
         target = self._target
         if target is None or (target.picture, target.block, target.groupings) != shape:
-            made = DivergenceTarget(self._context, *shape)
+            new_target = DivergenceTarget(self._context, *shape)
             if target is not None:
                 target.release()
-            target = self._target = made
+            target = self._target = new_target
         output = self._scheduler.advance(self._pass, DivergenceInputs(visibility, view.version, self._tables), target)
         if output != self._output:
             try:
-                target.copy_counts(self._back, (target, tuple(wanted)))
+                target.copy_counts(self._back, (target, tuple(counted_groupings)))
             except GpuMemoryError:
                 self._scheduler.invalidate(target)
                 raise
             self._output = output
-        has_all = all(source in self.statistics for source in wanted)
+        has_all = all(source in self.statistics for source in counted_groupings)
         arrived = self._back.arrived(waits=self._scheduler.budget.waits or not has_all)
         if arrived is not None:
             content, (counted, sources) = arrived
-            found = dict(zip(sources, counted.statistics_in(content), strict=True))
-            self.statistics = {source: own for source, own in {**self.statistics, **found}.items() if source in wanted}
+            fresh = dict(zip(sources, counted.statistics_in(content), strict=True))
+            self.statistics = {
+                source: counts for source, counts in {**self.statistics, **fresh}.items() if source in counted_groupings
+            }
         self._place = place
         return Output(output.version, (Pending("statistics", 1),) if self._back.is_pending else ())
 
     def overlay(self, settings: Overlay, first: str, second: str) -> HeatmapOverlay:
         """Return the maps of two sources as an overlay; both must have been counted."""
         if self._target is None:
-            raise RuntimeError("count first")
+            raise RuntimeError("call update first")
         most = settings.most(max(self.statistics[source].maximum for source in (first, second)))
         rows = (self._row(first), self._row(second))
         return HeatmapOverlay(self._target, *rows, most, settings.opacity, settings.palette)
@@ -148,11 +150,11 @@ class ErrorOverlay:
         self._flip_key: object = None
 
     def set_errors(self, errors: ComparisonErrors | None) -> None:
-        """Show these from now on; None where there are none."""
+        """Show these errors from now on; None: there are none."""
         self._errors = errors
 
     def set_flip(self, flip: NDArray[np.float32] | None, key: object) -> None:
-        """Set the FLIP map [H, W], row 0 on top, of the picture that `key` stands for; None: it is not known."""
+        """Set the FLIP map [H, W], row 0 on top, of the picture that `key` identifies; None: it is not known."""
         if self._flip is not None:
             self._flip.release()
             self._flip = None
@@ -164,13 +166,13 @@ class ErrorOverlay:
         self._flip_key = key
 
     def flip_map(self, key: object) -> moderngl.Texture | None:
-        """Return the FLIP map if it is of the picture that `key` stands for."""
+        """Return the FLIP map if it belongs to the picture that `key` identifies, else None."""
         return self._flip if key == self._flip_key else None
 
     def marks(
         self, overlay: Overlay, highlighted: tuple[int, ...], visibility: VisibilityTarget
     ) -> MarksOverlay | None:
-        """Return how to colour or dim the textures of the picture; None where no texture is."""
+        """Return the colours and the dimming of the picture's textures; None if no texture has any."""
         errors = self._errors if overlay.kind in ("error-texture", "error-decoder") else None
         if errors is None and not highlighted:
             return None
@@ -214,16 +216,16 @@ class Compositor:
     def count_divergence(
         self, view: ViewState, groupings: Mapping[str, CountedGrouping], targets: PictureTargets
     ) -> tuple[Output, ...]:
-        """Count the decoders per block under the groupings of what is shown, by its source, where the overlay asks for it."""
+        """Count the decoders per block under these groupings (by source) if the overlay is `divergence`."""
         if view.overlay.kind != "divergence":
             self._scheduler.skipped["divergence_passes"] += 1
             return ()
         return (self._divergence.update(targets.view, groupings, view.block),)
 
     def statistics(self, view: ViewState, sources: Iterable[str]) -> dict[str, DivergenceStatistics]:
-        """Return statistics of the divergence maps of `sources`, images left out; none without the overlay.
+        """Return statistics of the divergence maps of `sources` without images; empty without the overlay.
 
-        Unless frames wait they may be those of a frame before.
+        Unless frames wait for the GPU, they may be of an earlier frame.
         """
         known = self._divergence.statistics if view.overlay.kind == "divergence" else {}
         return {source: known[source] for source in sources if source in known and not is_image_source(source)}
@@ -231,7 +233,7 @@ class Compositor:
     def draw(
         self, view: ViewState, targets: PictureTargets, target: CompositeTarget, counted: Sequence[Output]
     ) -> Output:
-        """Draw the composite, unless it shows that already; `counted` is the divergence of what is shown."""
+        """Draw the composite if its inputs have changed; `counted` are the outputs of the divergence pass."""
         reads = [targets.shown[slot].output for slot in shown_slots(view)]
         return self._scheduler.advance(self._composite, self._inputs(view, targets), target, (*reads, *counted))
 

@@ -1,4 +1,4 @@
-"""Frames: the result of one, and times of the last ones."""
+"""Result of a frame, and times of the recent frames."""
 
 import statistics
 import time
@@ -21,12 +21,12 @@ from viewer.state.view_state import PathChoice, Slot
 
 @dataclass(frozen=True)
 class UploadCounts:
-    """Bytes that a frame uploaded of packs that replace others of the same textures."""
+    """Numbers of bytes of the packs that replaced others of the same textures in a frame."""
 
     uploaded: int = 0
     """Number of bytes that the frame uploaded."""
-    kept: int = 0
-    """Number of bytes that stayed on the GPU because they are the same in the packs that replaced others in this frame."""
+    unchanged: int = 0
+    """Number of bytes that both versions share, so they stayed on the GPU."""
     is_pending: bool = False
     """True while an older version of a pack is drawn until the newer one is uploaded."""
 
@@ -38,7 +38,7 @@ class PackMemory:
     parts: Mapping[str, int]
     """Numbers of bytes by their use: latents, decoders (with adapters), tables, tile cache."""
     idle: int
-    """Number of bytes of other decode paths, which are kept for switching to them at once; not among the parts."""
+    """Number of bytes of other decode paths, not among `parts`. They stay allocated, so a switch of the path is immediate."""
     latents: NDArray[np.int64]
     """[textures of the scene] int64 number of bytes of each texture's latents."""
 
@@ -55,13 +55,13 @@ class FrameFigures:
     timings_ms: Mapping[str, float] = field(default_factory=dict)
     """Time of each step that ran, in ms; `cull` is the CPU's, the others are passes. Two slots of one path are added up.
 
-    Of a renderer that does not wait: those of a frame before."""
+    A renderer that does not wait for the GPU has the times of an earlier frame."""
     slot_ms: Mapping[Slot, float] = field(default_factory=dict)
     """Time in ms that each shown slot took when it was last drawn at this size."""
     timer: str = ""
-    """Method by which the times were taken."""
+    """Method that measured the times."""
     skipped: Mapping[str, int] = field(default_factory=dict)
-    """Numbers of passes, images, triangles and other parts that were left out, by name."""
+    """Numbers of skipped passes, images, triangles and other work, by name."""
     divergence: Mapping[str, DivergenceStatistics] = field(default_factory=dict)
     """Statistics of the shown packs' divergence maps, by the pack's name; empty without the overlay."""
     drawn: Mapping[str, int] = field(default_factory=dict)
@@ -69,30 +69,30 @@ class FrameFigures:
     tiles: Mapping[Slot, TileCounts] = field(default_factory=dict)
     """The tile caches of the shown slots that have one."""
     paths: Mapping[Slot, PathChoice] = field(default_factory=dict)
-    """Path by which each slot of the view is drawn: the choice of `auto`, else the slot's own."""
+    """Decode path that drew each slot of the view: the choice of `auto`, else the path that the slot names."""
     samples: Mapping[Slot, int] = field(default_factory=dict)
     """Number of samples in the picture of each slot that the stochastic filter draws."""
     blend_samples: Mapping[Slot, int] = field(default_factory=dict)
-    """Number of samples in the picture of each shown slot, BLEND surfaces in another pattern in each; empty without such surfaces."""
+    """Number of samples in the picture of each shown slot with BLEND surfaces; empty without such surfaces."""
     loads: Mapping[Slot, LoadCounts] = field(default_factory=dict)
     """The compressed textures of the shown slots of path `on-load`."""
     short_latents: str = ""
-    """Reason why latents are coarser than the picture needs: too little GPU memory, or a limit of what shaders read. Empty without."""
+    """Reason why latents are coarser than the picture needs: too little GPU memory, or a limit on buffers. Else empty."""
 
     upload: UploadCounts = UploadCounts()
     blocking_calls: int = 0
-    """Number of calls since the frame before for which the CPU waited for the GPU."""
+    """Number of calls since the previous frame in which the CPU waited for the GPU."""
     pending: tuple[Pending, ...] = ()
-    """Parts that drawing the same view again adds; empty where the picture is complete."""
+    """Parts that further frames of the same view add; empty if the picture is complete."""
 
     @property
     def is_complete(self) -> bool:
-        """True where drawing the same view again would change nothing."""
+        """True if drawing the same view again would change nothing."""
         return not self.pending
 
     @property
     def is_short(self) -> bool:
-        """True where the picture is coarser than it should be, because the GPU has too little memory."""
+        """True if the picture is coarser than it should be, because the GPU has too little memory."""
         return bool(self.short_latents) or any(
             counts.out_of_memory and counts.starved > 0 for counts in self.tiles.values()
         )
@@ -118,7 +118,7 @@ class PairKey:
 
 @dataclass(frozen=True, eq=False)
 class DrawnPair:
-    """Slots A and B of one view, drawn whole."""
+    """Complete pictures of slots A and B of one view."""
 
     key: PairKey
     a: ColorTarget
@@ -147,10 +147,10 @@ class FrameHistory:
         self._names: dict[str, None] = {}
         """Names of passes in the order of their first run."""
         self.version = 0
-        """Number of frames so far, those that are forgotten included."""
+        """Number of frames so far, including those that have left the history."""
 
     def add(self, passes_ms: Mapping[str, float], wall_ms: float) -> None:
-        """Remember a frame: time of each pass that ran, and of the whole frame on the wall clock, in ms."""
+        """Add a frame: time of each pass that ran, and wall time of the whole frame, in ms."""
         self._names |= dict.fromkeys(passes_ms)
         self._frames.append((passes_ms, wall_ms))
         self.version += 1
@@ -165,9 +165,11 @@ class FrameHistory:
 
     @property
     def passes_ms(self) -> dict[str, NDArray[np.float64]]:
-        """[frames] float64 of every pass that ran in one of them, 0 where it did not; in the order of their first run."""
-        times = {name: np.array([own.get(name, 0.0) for own, _ in self._frames], np.float64) for name in self._names}
-        return {name: own for name, own in times.items() if own.any()}
+        """[frames] float64 time in ms of each pass, 0 in frames where it did not run; in the order of their first run."""
+        times = {
+            name: np.array([frame.get(name, 0.0) for frame, _ in self._frames], np.float64) for name in self._names
+        }
+        return {name: milliseconds for name, milliseconds in times.items() if milliseconds.any()}
 
     def clear(self) -> None:
         """Remove all frames."""
@@ -180,14 +182,14 @@ class FrameTimes:
     """Times of frames, measured between `begin` and `end` of each."""
 
     def __init__(self, waits: bool) -> None:
-        """Take `waits` of the GraphicsContext: times of each frame are known within it; else frames are timed by the wall clock."""
+        """Take `waits` of the GraphicsContext. If true, `note` has the times of its frame; else the wall clock times frames."""
         self.history = FrameHistory()
         self._waits = waits
         self.whole_frame_ms = 0.0
-        """Time of a picture that is not coarse, in ms: all passes of the last one, or the wall time of the shorter of the last two."""
+        """Time of a full-resolution frame in ms: all passes of the last one, or the shorter wall time of the last two."""
         self._wall_ms: deque[float] = deque(maxlen=2)
         self.last_ms = 0.0
-        """Wall time in ms of the last frame that drew a whole picture."""
+        """Wall time in ms of the last full-resolution frame."""
         self._passes: defaultdict[str, deque[float]] = defaultdict(lambda: deque(maxlen=FRAMES_REMEMBERED))
         self._started = 0.0
         self._drawn: Mapping[str, float] | None = None
@@ -198,26 +200,26 @@ class FrameTimes:
         self._started, self._drawn = time.perf_counter(), None
 
     def note(self, frame: FrameResult) -> None:
-        """Note a picture that was drawn at full resolution; coarse ones are not to be passed here."""
+        """Note a frame at full resolution. Do not pass coarse frames."""
         self._drawn = frame.timings_ms
         if self._waits:
             self.whole_frame_ms = sum(frame.timings_ms.values())
         self.note_passes(frame.timings_ms)
 
     def note_passes(self, passes_ms: Mapping[str, float]) -> None:
-        """Note times of passes, in ms, that have become known."""
+        """Add times of passes, in ms, that have arrived from the GPU."""
         for name, milliseconds in passes_ms.items():
             self._passes[name].append(milliseconds)
 
     def end(self) -> None:
-        """End the frame: it is on its framebuffer, or was handed to the window system, which holds up what comes too fast."""
+        """End the frame, after it was drawn or handed to the window system (whose vertical synchronisation may delay it)."""
         if self._drawn is None:
             return
         self.last_ms = 1000.0 * (time.perf_counter() - self._started)
         self.history.add(self._drawn, self.last_ms)
         self._wall_ms.append(self.last_ms)
         if not self._waits and len(self._wall_ms) > 1:
-            # The shorter of two, because the first one compiles.
+            # The first frame compiles shaders, so the shorter of two counts.
             self.whole_frame_ms = min(self._wall_ms)
 
     def medians_ms(self) -> dict[str, float]:
@@ -225,7 +227,7 @@ class FrameTimes:
         return {name: statistics.median(times) for name, times in self._passes.items()}
 
     def clear(self) -> None:
-        """Forget all times: another scene is drawn from now on."""
+        """Remove all times, for another scene."""
         self._passes.clear()
         self._wall_ms.clear()
         self.history.clear()

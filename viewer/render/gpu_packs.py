@@ -1,4 +1,4 @@
-"""The packs that a renderer's slots may name, and those of them that are on the GPU: buffers, decode paths, updates."""
+"""Open packs of a renderer, and their buffers, decode paths and updates on the GPU."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -49,31 +49,31 @@ class OpenPack:
     pack: Pack
     match: PackMatch
     version: int
-    """Number that differs from that of every other pack of the renderer."""
+    """Number that no other pack of the renderer has."""
     coverage: Mapping[int, PackedCoverage] = field(default_factory=dict)
-    """What textures cover, by their number in the scene; those without the map `alpha` are left out."""
+    """Coverage by texture id of the scene; textures without the map `alpha` are absent."""
 
 
 @dataclass(frozen=True, eq=False)
 class PackUpdate:
-    """Upload of a newer version of a pack, under way."""
+    """Unfinished upload of a newer version of a pack."""
 
     opened: OpenPack
     stored: Pack
     """Pack as the buffers store it."""
     groups: frozenset[int]
-    """Groups that differ from what the buffers hold."""
+    """Groups that differ from the pack in the buffers."""
     latents: LatentUpdate
 
 
 def on_load_refusal(context: GraphicsContext) -> str:
-    """Return why a driver without compute shaders cannot compress textures."""
+    """Return the reason why a driver without compute shaders cannot compress textures."""
     version = context.info.version
-    return f"needs compute shaders and BC7 (OpenGL 4.3); this driver has {version}. Use cached: it is filtered alike"
+    return f"needs compute shaders and BC7 (OpenGL 4.3); this driver has {version}. Use cached: it filters the same way"
 
 
 PixelDecoder = DecodePass | DecodeSampledPass
-"""Types of passes that decode every pixel."""
+"""Pass that decodes every visible pixel in each frame."""
 
 
 class GpuPack:
@@ -104,11 +104,11 @@ class GpuPack:
         self._caches: dict[Plane, DecodeCachedPass] = {}
         self._loaded: dict[Plane, ReferencePass[LoadedTextures]] = {}
         self._next: OpenPack | None = None
-        """Version that waits until the update under way is done."""
+        """Version that waits until the current update is done."""
         self._update: PackUpdate | None = None
 
     def reading(self, plane: Plane = "base", has_several: bool = False) -> PlaneReading:
-        """Return how passes read the scene's surfaces for a plane of their maps, or for several."""
+        """Return the settings with which passes read surfaces for one plane of maps, or for several."""
         buffers = self.context.scene_buffers
         return PlaneReading(plane, buffers.has_colors, buffers.has_second_uvs, has_several)
 
@@ -124,7 +124,7 @@ class GpuPack:
         return reduce(LoadCounts.plus, counts) if counts else None
 
     def measure_loads(self) -> None:
-        """Read the errors of compression, for `loads`. Waits for the GPU."""
+        """Read the compression errors that `loads` reports. Waits for the GPU."""
         for path in self._loaded.values():
             path.uploads.measure()
 
@@ -149,9 +149,9 @@ class GpuPack:
         return self._loaded[plane]
 
     def decoder(self, name: PathChoice, texel_filter: TexelFilter, plane: Plane | None) -> PixelDecoder:
-        """Return the pass that draws a plane of the pack by a path that decodes every pixel; made when first asked for.
+        """Return the pass of a path that decodes every pixel, for one plane of the pack; made when first asked for.
 
-        None: all planes, where the path `decodes_planes`. Raises GpuMemoryError, ShaderError.
+        `plane` None: for all planes, if the path `decodes_planes`. Raises GpuMemoryError, ShaderError.
         """
         key = (name, texel_filter, plane)
         if key not in self._passes:
@@ -161,7 +161,7 @@ class GpuPack:
         return self._passes[key]
 
     def decodes_planes(self, name: PathChoice) -> bool:
-        """Return whether a path has one pass for all planes."""
+        """Return whether one pass of this path decodes all planes at once."""
         return name == "deferred" and self.buffers.decodes_together
 
     def tile_cache(self, plane: Plane = "base") -> TileCache:
@@ -180,7 +180,7 @@ class GpuPack:
         return ReferencePass(graphics, self.programs, textures, "decode_on-load", reading)
 
     def latents(self, plane: Plane = "base") -> VisibleLatentsPass:
-        """Return the pass that uploads the mips that the pixels of a view read."""
+        """Return the pass that uploads the mips that the visible pixels read."""
         if plane not in self._latents:
             reading = self.reading(plane)
             self._latents[plane] = VisibleLatentsPass(self.context.graphics, self.programs, self.buffers, reading)
@@ -189,19 +189,19 @@ class GpuPack:
     def memory(self, name: PathChoice, texel_filter: TexelFilter) -> PackMemory:
         """Return the GPU memory of the pack, as drawing with this path and filter uses it."""
         parts = self.buffers.bytes_by_part
-        of_passes = {key: own.bytes_on_gpu for key, own in self._passes.items()}
+        of_passes = {key: decode_pass.bytes_on_gpu for key, decode_pass in self._passes.items()}
         if name == "on-load" and self._loaded:
-            # Latents and decoders are there for other paths, and for what is still to be compressed.
-            kept = (
+            # Only other paths, and textures not compressed yet, read latents and decoders.
+            idle = (
                 sum(parts.values())
                 + sum(of_passes.values())
                 + sum(path.cache.bytes_on_gpu for path in self._caches.values())
             )
-            kept += 0 if self._ranges is None else self._ranges.bytes_on_gpu
+            idle += 0 if self._ranges is None else self._ranges.bytes_on_gpu
             textures = sum(path.uploads.texture_bytes for path in self._loaded.values())
             working = sum(path.uploads.bytes_on_gpu for path in self._loaded.values()) - textures
             return PackMemory(
-                {"compressed textures": textures, "tables": working}, kept, self.buffers.latent_store.bytes_by_texture
+                {"compressed textures": textures, "tables": working}, idle, self.buffers.latent_store.bytes_by_texture
             )
         of_caches = sum(path.cache.bytes_on_gpu for path in self._caches.values())
         used = sum(size for key, size in of_passes.items() if key[:2] == (name, texel_filter))
@@ -222,26 +222,26 @@ class GpuPack:
         return self._update is not None or self._next is not None
 
     def update(self, opened: OpenPack) -> None:
-        """Replace the pack by a version of the same textures and codec, which `advance_update` uploads."""
+        """Schedule the upload of a newer version of the same textures and codec; `advance_update` uploads it."""
         self._next = opened
 
     def advance_update(self, budget_bytes: int | None) -> UploadCounts:
-        """Upload up to `budget_bytes` (None: all) of the newer version, and draw it from now on once all is there.
+        """Upload up to `budget_bytes` (None: all) of the newer version, and switch to it when it is complete.
 
         Raises GpuMemoryError; the pack must then be released.
         """
-        uploaded = kept = 0
+        uploaded = unchanged = 0
         while self.is_updating:
             update = self._update = self._update or self._begin_update()
             missing = update.latents.missing_bytes
             if budget_bytes is not None and missing + self._weight_bytes(update) > budget_bytes and missing > 0:
                 return UploadCounts(update.latents.stage(budget_bytes), is_pending=True)
             done = self._finish_update(update)
-            uploaded, kept = uploaded + done.uploaded, done.kept
+            uploaded, unchanged = uploaded + done.uploaded, done.unchanged
             self._update = None
             if budget_bytes is not None:
                 break
-        return UploadCounts(uploaded, kept, self.is_updating)
+        return UploadCounts(uploaded, unchanged, self.is_updating)
 
     def _weight_bytes(self, update: PackUpdate) -> int:
         """Return the approximate number of bytes of the decoders and adapters of the changed groups."""
@@ -251,24 +251,24 @@ class GpuPack:
     def _begin_update(self) -> PackUpdate:
         opened, self._next = self._next, None
         assert opened is not None
-        # Whether halves are rescaled depends on all groups: what is stored is compared.
+        # Whether halves are rescaled depends on all groups, so the rescaled packs are compared.
         stored = self.buffers.stored(opened.pack)
         groups = changed_groups(self.buffers.pack, stored)
         slots = self.buffers.slots_of_groups(groups, stored)
         return PackUpdate(opened, stored, groups, LatentUpdate(self.buffers.latent_store, slots))
 
     def _finish_update(self, update: PackUpdate) -> UploadCounts:
-        """Upload what is left, and draw this version from now on."""
+        """Upload the rest, and switch to this version."""
         stored, groups = update.stored, update.groups
         regrouped = [t.group for t in self.pack.textures] != [t.group for t in stored.textures]
         uploaded = self.buffers.replace_weights(stored, groups)
         if self._ranges is not None:
-            # Decoders that did not change may have other numbers.
+            # Unchanged decoders may have other numbers.
             uploaded += self._ranges.replace(stored, range(len(stored.decoders)) if regrouped else groups)
         latent_bytes = self.buffers.latent_store.bytes_by_texture
         textures = self.buffers.slots_of_groups(groups, stored)
-        kept = int(latent_bytes.sum() - latent_bytes[list(textures)].sum())
-        kept += self.buffers.bytes_by_part["decoders"] - self._weight_bytes(update)
+        unchanged = int(latent_bytes.sum() - latent_bytes[list(textures)].sum())
+        unchanged += self.buffers.bytes_by_part["decoders"] - self._weight_bytes(update)
         uploaded += update.latents.apply()
         if not update.latents.fits:
             self.buffers.note_latents()
@@ -278,13 +278,13 @@ class GpuPack:
         for loaded in self._loaded.values():
             loaded.uploads.mark_stale(textures)
         if regrouped:
-            # Passes depend on which decoders there are.
+            # Programs depend on the set of decoders.
             self._release_passes()
-        return UploadCounts(uploaded, kept)
+        return UploadCounts(uploaded, unchanged)
 
     def _release_passes(self) -> None:
-        for own in self._passes.values():
-            own.release()
+        for decode_pass in self._passes.values():
+            decode_pass.release()
         self._passes.clear()
 
     def release(self) -> None:
@@ -309,7 +309,7 @@ def _forward(pack: GpuPack, texel_filter: TexelFilter, plane: Plane) -> DecodePa
 def deferred_pass(
     pack: GpuPack, texel_filter: TexelFilter = "exact", plane: Plane = "base", may_share: bool = True
 ) -> DecodePass:
-    """Return the pass of path `deferred`. Without `may_share` each pixel reads the number of its decoder, even of a single one."""
+    """Return the pass of path `deferred`. With `may_share`, a single decoder is bound for all pixels."""
     used = {decoder for decoder in pack.match.decoders(pack.pack) if decoder >= 0}
     shared = used.pop() if may_share and len(used) == 1 else None
     ranges = pack.ranges if shared is not None else None
@@ -319,7 +319,7 @@ def deferred_pass(
 
 
 def planes_pass(pack: GpuPack, texel_filter: TexelFilter = "exact") -> DecodePass:
-    """Return the pass of path `deferred` for all planes, of a pack whose codes are decoded by work groups."""
+    """Return the pass of path `deferred` that decodes all planes at once, for a pack whose work groups decode codes together."""
     plane_pass, graphics = partial(deferred_pass, pack, texel_filter), pack.context.graphics
     reading = pack.reading(has_several=True)
     return DecodePlanesPass(graphics, pack.programs, pack.buffers, reading, plane_pass, texel_filter)
@@ -336,12 +336,12 @@ DECODE_PASSES: Mapping[PathChoice, Callable[[GpuPack, TexelFilter, Plane], Decod
     "deferred": deferred_pass,
     "binned": binned_pass,
 }
-"""Functions that make the passes of the paths that decode every pixel, for a pack."""
+"""Constructors of the passes that decode every pixel, by path."""
 
 
 @contextmanager
 def naming_memory_errors(name: str) -> Iterator[None]:
-    """Put `name` before the message of a GpuMemoryError."""
+    """Put `name` before the message of a GpuMemoryError of the block."""
     try:
         yield
     except GpuMemoryError as error:
@@ -349,7 +349,7 @@ def naming_memory_errors(name: str) -> Iterator[None]:
 
 
 class GpuPacks:
-    """Packs of one scene. Each is uploaded when it is first asked for, once for every precision."""
+    """Open packs of one scene. A pack is uploaded when a slot first draws it, once in each precision."""
 
     def __init__(self, context: RenderContext) -> None:
         self._context = context
@@ -368,16 +368,16 @@ class GpuPacks:
 
     @property
     def is_updating(self) -> bool:
-        """True while `advance_updates` has something to upload."""
+        """True while a newer version of a pack waits for `advance_updates`."""
         return any(on_gpu.is_updating for on_gpu in self._on_gpu.values())
 
     def version(self, slot: Slot) -> int:
-        """Return the number of the version of a pack that a slot shows: it differs whenever the picture may."""
+        """Return the version of the pack that a slot shows; it changes whenever the picture may change."""
         on_gpu = self.uploaded(slot)
         return on_gpu.version if on_gpu is not None else self._open[slot.source].version
 
     def set_packs(self, packs: Mapping[str, Pack]) -> None:
-        """Replace the open packs. Packs that are gone are freed; of packs that are replaced the differences are uploaded at once."""
+        """Replace the open packs. Absent packs are freed; differences of replaced packs are uploaded at once."""
         for name in [name for name in self._open if name not in packs]:
             del self._open[name]
             self._release(name)
@@ -388,9 +388,9 @@ class GpuPacks:
         self._advance(changed, None)
 
     def update_pack(self, name: str, pack: Pack) -> None:
-        """Open `pack`, or have it replace the one of that name: `advance_updates` uploads what differs.
+        """Open `pack`, or replace the open pack of that name; `advance_updates` uploads the differences.
 
-        A pack of other textures, or another codec, is uploaded whole when it is drawn next.
+        A pack of other textures, or of another codec, is uploaded whole when it is drawn next.
         """
         before = self._open.get(name)
         if before is not None and before.pack is pack:
@@ -401,7 +401,7 @@ class GpuPacks:
         is_newer = before is not None and same_shape(before.pack, pack) and before.match == match
         if before is not None and is_newer and coverage:
             changed = changed_textures(before.pack, pack)
-            coverage |= {number: own for number, own in before.coverage.items() if own.index not in changed}
+            coverage |= {number: packed for number, packed in before.coverage.items() if packed.index not in changed}
         opened = self._open[name] = OpenPack(pack, match, self._last_version, coverage)
         self._take_coverage()
         if not is_newer:
@@ -410,21 +410,21 @@ class GpuPacks:
             on_gpu.update(opened)
 
     def _take_coverage(self) -> None:
-        """Draw what textures cover in the first open pack that holds their map `alpha`."""
+        """Take each texture's coverage from the first open pack that holds its map `alpha`."""
         covered = dict[int, PackedCoverage]()
         for opened in self._open.values():
             covered = {**opened.coverage, **covered}
         self._context.scene_buffers.take_coverage(covered)
 
     def advance_updates(self, budget_bytes: int | None) -> UploadCounts:
-        """Upload up to `budget_bytes` (None: all) of packs that replace others; each is drawn once all of it is there."""
+        """Upload up to `budget_bytes` (None: all) of newer versions; each is drawn as soon as it is complete."""
         if not self.is_updating:
             return UploadCounts()
         with self._context.scheduler.timer.measure("upload"):
             return self._advance(self._open, budget_bytes)
 
     def _advance(self, names: Collection[str], budget_bytes: int | None) -> UploadCounts:
-        uploaded = kept = 0
+        uploaded = unchanged = 0
         for (name, _), on_gpu in list(self._on_gpu.items()):
             room = None if budget_bytes is None else budget_bytes - uploaded
             if name not in names or not on_gpu.is_updating or (room is not None and room <= 0):
@@ -432,11 +432,11 @@ class GpuPacks:
             try:
                 counts = on_gpu.advance_update(room)
             except GpuMemoryError:
-                # There is no memory for both beside each other: the new one is uploaded whole when it is drawn.
+                # The GPU has no memory for both versions, so the new one is uploaded whole when it is drawn.
                 self._release(name)
                 continue
-            uploaded, kept = uploaded + counts.uploaded, kept + counts.kept
-        return UploadCounts(uploaded, kept, self.is_updating)
+            uploaded, unchanged = uploaded + counts.uploaded, unchanged + counts.unchanged
+        return UploadCounts(uploaded, unchanged, self.is_updating)
 
     def _release(self, name: str) -> None:
         for key in [key for key in self._on_gpu if key[0] == name]:
@@ -448,7 +448,7 @@ class GpuPacks:
         return plane in plane_channels(config.maps, config.output_channels)
 
     def shares_decoders(self, source: str) -> bool:
-        """Return whether pixels of one decoder of an open pack share the weights that are fetched."""
+        """Return whether decoders of an open pack have weights, which pixels of one decoder fetch together."""
         config = self._open[source].pack.config
         return codec_of(config).gpu_tables(config).shares_decoders
 
@@ -465,22 +465,22 @@ class GpuPacks:
         return self._on_gpu.get((slot.source, slot.precision))
 
     def load_counts(self, slots: Iterable[Slot], skipped: Counter[str]) -> dict[Slot, LoadCounts]:
-        """Return the compressed textures of `slots` of path `on-load`; what is not compressed is added to `skipped`."""
-        found = {}
+        """Return counts of the compressed textures of the `on-load` slots; uncompressed textures and mips are added to `skipped`."""
+        loads = {}
         for slot in dict.fromkeys(
             slot for slot in slots if slot.path == "on-load" and not is_image_source(slot.source)
         ):
             counts = self.on_gpu(slot).loads
             if counts is not None:
-                found[slot] = counts
+                loads[slot] = counts
                 skipped["textures_not_compressed"] += counts.left_out
                 skipped["mips_not_compressed"] += counts.mips_left_out
-        return found
+        return loads
 
     def tile_counts(self, slots: Iterable[Slot], skipped: Counter[str]) -> tuple[dict[Slot, TileCounts], str]:
-        """Return the tile caches of `slots`, and the reason why latents of one are missing ("" where none are).
+        """Return the tile counts of the `cached` slots, and the reason why latents are missing ("" if none are).
 
-        Latents that no view has needed are added to `skipped`.
+        Latents that no view has needed yet are added to `skipped`.
         """
         tiles, short_latents = {}, ""
         for slot in dict.fromkeys(slot for slot in slots if not is_image_source(slot.source)):
@@ -499,12 +499,12 @@ class GpuPacks:
         return tiles, short_latents
 
     def counted(self, source: str) -> CountedGrouping:
-        """Return the grouping of a source whose decoders are counted; for images nothing is decoded."""
+        """Return the grouping of a source for counting; images have decoder -1 everywhere."""
         opened = self._open.get(source)
         if opened is None:
             return CountedGrouping(0, (-1,) * len(self._context.scene.textures))
         decoders = opened.match.decoders(opened.pack)
-        # A pack that is trained keeps its grouping: nothing is to be counted anew.
+        # Training keeps the grouping, so equal decoders have the same version and are not counted again.
         version = self._grouping_versions.setdefault(decoders, len(self._grouping_versions) + 1)
         return CountedGrouping(version, decoders)
 

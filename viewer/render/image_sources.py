@@ -1,4 +1,4 @@
-"""Sources that are shown as images: the originals, and what the formats of graphics hardware make of them."""
+"""Sources that are images: the originals, and their versions in the formats of graphics hardware."""
 
 from collections.abc import Collection, Mapping, Sequence
 from functools import partial
@@ -18,10 +18,10 @@ from viewer.state.view_state import REFERENCE
 
 
 class ImageSources:
-    """A pass for each source and plane of maps, over one visibility buffer. Images are uploaded when they are seen first."""
+    """Passes that draw images, one for each source and plane of maps. Images are uploaded when they first come into sight."""
 
     def __init__(self, context: RenderContext, most_bytes: int = DEFAULT_BYTES) -> None:
-        """Place all images of each source within `most_bytes`; beyond it those in sight are there, as large as there is room for."""
+        """Place the images. If a source exceeds `most_bytes`, only its images in sight are on the GPU, reduced to fit."""
         self._context, self._scene, scene = context, context.scene, context.scene
         self._buffers = context.scene_buffers
         sizes = {plane: plane_bytes(scene, plane) for plane in PLANES}
@@ -54,7 +54,7 @@ class ImageSources:
 
     @property
     def largest_side(self) -> int | None:
-        """Largest side in texels of the images in sight where they are reduced for want of room; None where nothing is."""
+        """Largest side in texels of the images in sight if the budget reduces them; else None."""
         sides = [places.side for places in self._places.values() if places.is_bounded]
         return min(sides, default=None)
 
@@ -64,11 +64,11 @@ class ImageSources:
         return sum(images.uploads.images_not_uploaded for images in self._reference.values())
 
     def holds(self, source: str, plane: Plane) -> bool:
-        """Return whether a source has images of a plane: formats of graphics hardware may have base colours alone."""
+        """Return whether a source has images of a plane; formats of graphics hardware may have only base colours."""
         return source == REFERENCE or plane == "base" or bool(self._compressed[source].further)
 
     def of(self, source: str, plane: Plane) -> ReferencePass[ImageUploads]:
-        """Return the pass that draws a plane of a source. Raises KeyError where its textures have not been given."""
+        """Return the pass that draws a plane of a source. Raises KeyError before `set_compressed` has given its textures."""
         if source == REFERENCE:
             return self._reference[plane]
         key = source, plane
@@ -79,12 +79,12 @@ class ImageSources:
         return self._passes[key]
 
     def set_compressed(self, compressed: Mapping[BlockFormat, CompressedTextures]) -> None:
-        """Set the formats that slots may name, with the scene's textures in their order."""
+        """Set the compressed formats that slots may show, each with all textures of the scene in order."""
         self._compressed = {str(name): textures for name, textures in compressed.items()}
         self.keep_only(compressed)
 
     def keep_only(self, sources: Collection[str]) -> None:
-        """Free the images of all other formats."""
+        """Free the images of all other compressed formats."""
         for key in [key for key in self._passes if key[0] not in sources]:
             self._passes.pop(key).release()
 

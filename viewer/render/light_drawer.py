@@ -1,4 +1,4 @@
-"""Prepares what lights a view: the prefiltered environment and the sun's shadow map. Nothing is made anew that has not changed."""
+"""Light of a view: the prefiltered environment and the sun's shadow map, updated only when they change."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +22,7 @@ from viewer.scene.model import Camera
 from viewer.state.view_state import SKY, STUDIO, Lighting
 
 MOST_CACHED_BYTES = 1 << 28
-"""Limit of prefiltered panoramas on disk, in bytes."""
+"""Size limit of the disk cache of prefiltered panoramas, in bytes."""
 
 
 class LightDrawer:
@@ -39,17 +39,17 @@ class LightDrawer:
         self._shown_key = ""
         """Key of the environment that is shown."""
         self._coming: EnvironmentMaps | None = None
-        """Maps of the next environment, or unused ones."""
-        self._asked: PrefilterInputs | None = None
+        """Maps that the next environment is filtered into, or spare ones."""
+        self._latest: PrefilterInputs | None = None
         self._panorama: tuple[str, Panorama] | None = None
         self._shadow: ShadowMap | None = None
         self._shadow_inputs: ShadowInputs | None = None
         self._kinds = SurfaceKinds.of(context.scene.materials)
         self.problem = ""
-        """Message where the last lit picture shows the sky instead of the environment that was asked for; else empty."""
+        """Message if the last lit picture shows the sky, because its environment file cannot be used; else empty."""
 
     def prepare_or_sky(self, lighting: Lighting) -> SceneLight:
-        """Return what `prepare` does; the sky stands in for an environment that cannot be read any more. Raises GpuMemoryError."""
+        """Return the light for `lighting`; the sky replaces an environment file that cannot be used. Raises GpuMemoryError."""
         self.problem = ""
         try:
             return self.prepare(lighting)
@@ -58,7 +58,7 @@ class LightDrawer:
             return self.prepare(replace(lighting, environment=SKY))
 
     def prepare(self, lighting: Lighting) -> SceneLight:
-        """Return what lights a view with `lighting`. Raises InputError for an environment file that cannot be used, GpuMemoryError."""
+        """Return the light for `lighting`. Raises InputError for an environment file that cannot be used, GpuMemoryError."""
         maps, output = self._environment_maps(*self._environment(lighting))
         outputs = [output]
         sun, view = sun_of(lighting), None
@@ -82,10 +82,10 @@ class LightDrawer:
 
     def _environment(self, lighting: Lighting) -> tuple[PrefilterInputs, PrefilterSize]:
         if lighting.environment == SKY:
-            # The azimuth only turns it.
+            # The azimuth of the sun only turns the sky.
             key = f"{SKY} {lighting.sun_elevation}"
-            if self._asked is not None and self._asked.key == key:
-                return self._asked, SKY_SIZE
+            if self._latest is not None and self._latest.key == key:
+                return self._latest, SKY_SIZE
             return PrefilterInputs(key, sky_radiance(lighting.sun_elevation)), SKY_SIZE
         if self._panorama is None or self._panorama[0] != lighting.environment:
             name = lighting.environment
@@ -94,8 +94,8 @@ class LightDrawer:
         return PrefilterInputs(panorama.digest, panorama.pixels, is_cached=True), PANORAMA_SIZE
 
     def _environment_maps(self, inputs: PrefilterInputs, size: PrefilterSize) -> tuple[EnvironmentMaps, Output]:
-        """Return the maps to draw with, and the output of those asked for. Earlier maps are shown until the new ones are complete."""
-        self._asked = inputs
+        """Return the maps to draw with, and the output of the requested ones. Earlier maps are drawn until those are complete."""
+        self._latest = inputs
         if self._maps is not None and self._shown_key == inputs.key:
             return self._maps, self._scheduler.advance(self._prefilter, inputs, self._maps)
         width, coming = inputs.panorama.shape[1], self._coming
@@ -111,8 +111,8 @@ class LightDrawer:
 
     def _draw_shadow(self, direction: tuple[float, float, float]) -> tuple[ShadowView, Output]:
         posed, inputs = self._drawer.posed, self._shadow_inputs
-        wanted = direction, self._drawer.pose.version, self._drawer.coverage
-        if inputs is None or (inputs.direction, inputs.pose, inputs.coverage) != wanted:
+        shadow_key = direction, self._drawer.pose.version, self._drawer.coverage
+        if inputs is None or (inputs.direction, inputs.pose, inputs.coverage) != shadow_key:
             bounds = posed.bounds
             view = shadow_view(bounds, direction)
             centre = bounds.astype(np.float64).mean(axis=0)
@@ -120,7 +120,7 @@ class LightDrawer:
             eye = tuple((centre + np.array(direction) * reach).tolist())
             camera = Camera("sun", eye, tuple(centre.tolist()), orthographic_height=reach)
             draw_list = posed.culling.draw_list(camera, view.matrix)
-            inputs = self._shadow_inputs = ShadowInputs(*wanted, view, draw_list)
+            inputs = self._shadow_inputs = ShadowInputs(*shadow_key, view, draw_list)
         if self._shadow is None:
             self._shadow = ShadowMap(self._context)
         return inputs.view, self._scheduler.advance(self._shadow_pass, inputs, self._shadow)
@@ -132,4 +132,4 @@ class LightDrawer:
             if part is not None:
                 part.release()
         self._maps = self._coming = self._shadow = None
-        self._asked = self._shadow_inputs = None
+        self._latest = self._shadow_inputs = None

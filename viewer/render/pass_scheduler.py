@@ -1,4 +1,13 @@
-"""The scheduler of a frame: it runs the passes that have something to do, times them, and counts what it skipped."""
+"""Scheduler of passes: it runs those whose inputs have changed, times them, and counts the skipped ones.
+
+A pass is a function of its inputs, and of the contents of the outputs that it reads. The scheduler keeps, for each target, the inputs
+and the versions of those outputs from its last run. If both are equal now, the target holds the right content and the pass is
+skipped; else the pass runs and the target gets a new version. So a change reaches exactly the passes that depend on it. This is
+memoisation by version numbers, as build systems do it: nobody marks anything dirty by hand.
+
+A pass may take several frames, such as one that decodes tiles. It then reports what is pending, runs again in the next frame with a
+frame's share of the budget, and its output is incomplete until nothing is pending (docs/explanation/architecture.md#a-frame).
+"""
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
@@ -16,10 +25,10 @@ Inputs = TypeVar("Inputs")
 Target = TypeVar("Target")
 
 Timing = Callable[[str], AbstractContextManager[None]]
-"""Function that takes the time of a block under a name."""
+"""Function that measures the time of a block under a name."""
 Part = Literal["textures", "images", "tiles", "loads", "samples", "packs", "statistics", "environment"]
 NOT_OWNED = nullcontext()
-"""Context of a pass whose time counts for no slot or plane alone."""
+"""Context for a pass whose time belongs to no single slot or plane."""
 SENTENCES: dict[Part, str] = {
     "textures": "{} being read",
     "images": "{} being read",
@@ -38,13 +47,13 @@ class Pending:
 
     part: Part
     left: int
-    """Number that is still to come, at least 1."""
+    """Number of items that are still missing, at least 1."""
     total: int = 0
-    """Number in all; 0 where that is not known."""
+    """Number of all items; 0 if it is not known."""
 
     @property
     def line(self) -> str:
-        """Line for people, such as "3 of 41 textures are being read"."""
+        """Message line, such as "3 of 41 textures are being read"."""
         noun = "texture" if self.part == "loads" else self.part.removesuffix("s")
         number = f"{self.left:,} of {counted(self.total, noun)}" if self.total else counted(self.left, noun)
         return SENTENCES[self.part].format(f"{number} {'is' if self.left == 1 else 'are'}")
@@ -61,40 +70,40 @@ class Output:
 
     @property
     def is_complete(self) -> bool:
-        """True where running the passes again would change nothing."""
+        """True if running the passes again would change nothing."""
         return not self.pending
 
 
 class Budget(IntEnum):
-    """How far a frame takes passes that work in parts."""
+    """Part of the pending work that a frame does."""
 
     SHARE = 0
-    """A frame's share of the work; what the GPU answers late counts in a later frame."""
+    """A frame's share of the work. Results that the GPU has not delivered yet are used in a later frame."""
     ANSWERS = 1
-    """A frame's share of the work, after waiting for the answers of the GPU."""
+    """A frame's share of the work, after waiting for results of the GPU."""
     WHOLE = 2
-    """All of the work: nothing is left for later frames, however long it takes."""
+    """All of the work, however long it takes."""
 
     @property
     def waits(self) -> bool:
-        """True where the CPU waits for the answers of the GPU."""
+        """True if the CPU waits for results of the GPU."""
         return self is not Budget.SHARE
 
     @property
     def is_whole(self) -> bool:
-        """True where nothing may be left for later frames."""
+        """True if the frame must do all of the work."""
         return self is Budget.WHOLE
 
 
 @dataclass(frozen=True)
 class Step:
-    """Circumstances of one run of a pass that works in parts."""
+    """Budget and circumstances of one run of a pass that works in parts."""
 
     budget: Budget
     is_same_view: bool
-    """True where the target shows an earlier state of equal inputs."""
+    """True if the target holds an unfinished result of equal inputs."""
     is_stale: bool
-    """True where an output that the pass reads has another version than at the last run."""
+    """True if an output that the pass reads has changed since the last run."""
 
 
 @dataclass(frozen=True)
@@ -102,43 +111,43 @@ class Progress:
     """Result of one run of a pass."""
 
     has_changed: bool = True
-    """True where the target may show something else than before."""
+    """True if the content of the target may have changed."""
     pending: tuple[Pending, ...] = ()
 
 
 class RenderPass(Generic[Inputs, Target]):
     """Pass of a frame. It knows no other pass; its settings are given when it is made.
 
-    Inputs are a frozen dataclass: equal inputs, and equal versions of what is read, give the same content of the same target. Fields
-    that follow from the others do not take part in the comparison. A pass overrides one of its methods.
+    Inputs are a frozen dataclass. Equal inputs, and equal versions of the outputs read, must give the same content. Fields that follow
+    from the others are declared with `compare=False`. A pass overrides one of the methods.
     """
 
     name: str
-    """Name of its time in `FrameResult.timings_ms`."""
+    """Name of the pass in `FrameResult.timings_ms`."""
 
     def run(self, inputs: Inputs, target: Target, /) -> None:
         """Write all of `target`."""
         raise NotImplementedError
 
     def advance(self, inputs: Inputs, target: Target, _step: Step, /) -> Progress:
-        """Do a frame's share of the work, where the target becomes complete over several frames."""
+        """Do a frame's share of the work. Override it if the target takes several frames."""
         self.run(inputs, target)
         return Progress()
 
     def advance_all(self, parts: Sequence[tuple[Inputs, Target, Step]], /) -> Sequence[Progress]:
-        """Do a frame's share of the work for each of these targets, where several are drawn at once."""
+        """Do a frame's share of the work for each of these targets. Override it if one run draws several targets."""
         return [self.advance(*part) for part in parts]
 
 
 @dataclass(frozen=True)
 class PassTarget(Generic[Inputs, Target]):
-    """One of the targets that a pass draws at once."""
+    """Target, inputs and read outputs of a pass that draws several targets at once."""
 
     inputs: Inputs
     target: Target
     reads: Sequence[Output]
     owner: Hashable
-    """Owner of its share of the time (`PassTimer.owned_by`)."""
+    """Owner of the target's share of the time (`PassTimer.owned_by`)."""
 
 
 @dataclass(frozen=True)
@@ -150,27 +159,27 @@ class _Record:
     """Versions of the outputs that were read."""
     version: int
     pending: tuple[Pending, ...] = ()
-    """Parts that the pass itself still adds."""
+    """Parts that the pass itself has still to add."""
 
 
 def largest_of_each(items: Iterable[Pending]) -> tuple[Pending, ...]:
-    """Return one item for each part: the one with most left."""
-    found = dict[Part, Pending]()
+    """Return for each part the item with most left."""
+    largest = dict[Part, Pending]()
     for item in items:
-        if item.part not in found or item.left > found[item.part].left:
-            found[item.part] = item
-    return tuple(found[part] for part in SENTENCES if part in found)
+        if item.part not in largest or item.left > largest[item.part].left:
+            largest[item.part] = item
+    return tuple(largest[part] for part in SENTENCES if part in largest)
 
 
 class PassScheduler:
-    """Scheduler that runs all passes. It remembers what each target was made from, for as long as the target exists."""
+    """Scheduler that runs all passes. It records what each target was made from while the target exists."""
 
     def __init__(self, timer: PassTimer) -> None:
         self.timer = timer
         self._usual = Budget.ANSWERS if timer.waits else Budget.SHARE
         self.budget = self._usual
         self.skipped: Counter[str] = Counter()
-        """Numbers of what was skipped since `take_skipped`, by name."""
+        """Counts of skipped work since `take_skipped`, by name."""
         self.ran = 0
         """Number of runs of passes so far."""
         self._records: WeakKeyDictionary[object, _Record] = WeakKeyDictionary()
@@ -178,7 +187,7 @@ class PassScheduler:
 
     @contextmanager
     def drawing(self, whole: bool) -> Iterator[None]:
-        """Leave nothing for later frames within the block, if `whole`."""
+        """Do all pending work within the block if `whole`, else a frame's share."""
         before, self.budget = self.budget, Budget.WHOLE if whole else self._usual
         try:
             yield
@@ -194,9 +203,9 @@ class PassScheduler:
         owner: Hashable = None,
         timing: Timing | None = None,
     ) -> Output:
-        """Run the pass until `target` is complete, a step in each frame; return what `target` holds.
+        """Run the pass if `target` is out of date or incomplete; return the output of `target`.
 
-        A target that was made from equal inputs and the same versions of `reads` stays. `timing`: how the time is taken; None:
+        A complete target made from equal inputs and the same versions of `reads` stays. `timing` measures the time; None:
         `PassTimer.measure`.
         """
         before = self._take(inputs, target, reads)
@@ -211,14 +220,16 @@ class PassScheduler:
         return self._note(inputs, target, reads, before, step, done)
 
     def advance_all(
-        self, render_pass: RenderPass[Inputs, Target], wanted: Sequence[PassTarget[Inputs, Target]]
+        self, render_pass: RenderPass[Inputs, Target], parts: Sequence[PassTarget[Inputs, Target]]
     ) -> list[Output]:
-        """Do `advance` for several targets: those that have something to do are drawn at once, and share the time."""
-        found = [self._take(part.inputs, part.target, part.reads) for part in wanted]
-        outputs = {part.owner: taken for part, taken in zip(wanted, found, strict=True) if isinstance(taken, Output)}
+        """Do `advance` for several targets. The outdated ones are drawn in one run, and share its time."""
+        taken_records = [self._take(part.inputs, part.target, part.reads) for part in parts]
+        outputs = {
+            part.owner: taken for part, taken in zip(parts, taken_records, strict=True) if isinstance(taken, Output)
+        }
         stale = [
             (part, before, self._step(before, part.inputs, part.reads))
-            for part, before in zip(wanted, found, strict=True)
+            for part, before in zip(parts, taken_records, strict=True)
             if not isinstance(before, Output)
         ]
         if stale:
@@ -226,10 +237,10 @@ class PassScheduler:
                 done = render_pass.advance_all([(part.inputs, part.target, step) for part, _, step in stale])
             for (part, before, step), progress in zip(stale, done, strict=True):
                 outputs[part.owner] = self._note(part.inputs, part.target, part.reads, before, step, progress)
-        return [outputs[part.owner] for part in wanted]
+        return [outputs[part.owner] for part in parts]
 
     def _take(self, inputs: object, target: object, reads: Sequence[Output]) -> Output | _Record | None:
-        """Return the output where nothing is to be done; else the record of `target`, which is forgotten until the pass has run."""
+        """Return the output of an up-to-date `target`; else remove its record and return it."""
         record = self._records.get(target)
         if (
             record is not None
@@ -239,7 +250,7 @@ class PassScheduler:
         ):
             self.skipped["passes"] += 1
             return _output(record, reads)
-        # The pass may raise.
+        # The pass may raise an exception and leave the target half drawn, so the record is gone until the pass has run.
         self.invalidate(target)
         self.ran += 1
         return record
@@ -263,16 +274,16 @@ class PassScheduler:
         return _output(record, reads)
 
     def invalidate(self, target: object) -> None:
-        """Forget the content of `target`: it is made again."""
+        """Make the next `advance` write `target` again."""
         self._records.pop(target, None)
 
     def forget(self) -> None:
-        """Leave what has run and what was skipped since the last frame out of the next frame's figures."""
+        """Discard the times and counts since the last frame, so the next frame does not report them."""
         self.timer.forget()
         self.skipped.clear()
 
     def take_skipped(self) -> dict[str, int]:
-        """Return what was skipped since the last call, by name."""
+        """Return the counts of skipped work since the last call, by name."""
         skipped, self.skipped = dict(self.skipped), Counter()
         return skipped
 

@@ -1,4 +1,13 @@
-"""Decode path `auto`: all paths are timed on small pictures of the view at hand, and the fastest is taken."""
+"""Decode path `auto`: it times all paths on the current view, and takes the fastest.
+
+Which path is fastest depends on the GPU, the driver, the codec and its decoders; no rule predicts it (on one GPU, the same arithmetic
+ran 30 times slower in fragment shaders than in compute shaders). So each path draws the view PICTURES times while the camera turns a
+little. The first picture compiles shaders and fills the tile cache and is not counted; the smallest of the other times is taken,
+because disturbances only add time. Paths that decode every pixel take time proportional to the pixels, so they draw a picture with
+1/SHARE of the width and height, and their time is scaled up. Path `cached` decodes only tiles that come into sight, which does not
+scale with pixels; it is timed at full size. The result is stored by pack, precision and filter
+(docs/explanation/decode-paths.md).
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,14 +37,13 @@ from viewer.state.view_state import (
 )
 
 SHARE = 4
-"""Factor by which the sides of pictures are smaller that time the paths which decode every pixel: their time goes with the pixels.
-`cached` is timed on whole ones, for the tiles that come into sight do not; what it decodes for that stays decoded."""
+"""Factor that reduces width and height of the pictures that time paths which decode every pixel."""
 DEGREES = 1.0
-"""Turn of the camera from picture to picture, in degrees: `cached` reuses most tiles, and no view stands still."""
+"""Turn of the camera between two timed pictures, in degrees. Most tiles of `cached` stay in sight, and some are new."""
 COMPUTING: Final[tuple[PathChoice, ...]] = ("deferred", "binned", "cached")
-"""Paths that need compute shaders; `forward` replaces them without."""
+"""Paths that need compute shaders; without these, `forward` replaces them."""
 PICTURES = 3
-"""Number of pictures that time a path: the first compiles and fills the cache, the least time of the others counts."""
+"""Number of pictures that a path draws to be timed; the first is not counted."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +51,11 @@ class PathTimes:
     """Times of the decode paths that `auto` has measured."""
 
     milliseconds: Mapping[DecodePath, float]
-    """Times in ms of a whole picture after a small turn, by path; paths that this driver cannot run are absent."""
+    """Times in ms of a picture of full size after a small turn, by path; paths that cannot be drawn are absent."""
 
     @property
     def fastest(self) -> DecodePath:
-        """Path with the least time; `deferred` where none could be timed."""
+        """Path with the smallest time; `deferred` if none could be timed."""
         return min(self.milliseconds, key=lambda path: self.milliseconds[path], default="deferred")
 
 
@@ -57,7 +65,7 @@ def time_paths(
     slot: Slot,
     paths: Sequence[DecodePath] = EXACT_PATHS,
 ) -> PathTimes:
-    """Return the times of `paths` for `slot`; `slot_ms` draws slot A of a view whole and returns the time in ms."""
+    """Return the times of `paths` for `slot`. `slot_ms` draws slot A of a view and returns the time in ms."""
     times: dict[DecodePath, float] = {}
     for path in paths:
         share = 1 if path in FILTERED_PATHS else SHARE
@@ -80,7 +88,7 @@ def drawable_paths(context: GraphicsContext) -> tuple[DecodePath, ...]:
 
 
 def unsupported_paths(context: GraphicsContext) -> dict[str, str]:
-    """Return the reasons why this driver cannot decode by a path, by the path's name."""
+    """Return the paths that this driver cannot run: {path: reason}."""
     version = context.info.version
     reason = f"needs compute shaders (OpenGL 4.3); this driver has {version}. Use forward"
     reasons = {path: reason for path in get_args(DecodePath) if path not in drawable_paths(context)}
@@ -88,7 +96,7 @@ def unsupported_paths(context: GraphicsContext) -> dict[str, str]:
 
 
 class PathChooser:
-    """Choice of `auto` among the decode paths, by pack, precision and filter: each path is timed once, on targets of its own."""
+    """Choice of path `auto`. It times the paths once for each pack, precision and filter, on separate targets."""
 
     def __init__(self, context: RenderContext, drawer: SceneDrawer, packs: GpuPacks, slots: SlotDrawer) -> None:
         self._context, self._scheduler = context.graphics, context.scheduler
@@ -100,9 +108,9 @@ class PathChooser:
         return self._times.get((slot.source, slot.precision, slot.filter))
 
     def chosen(self, slot: Slot, view: ViewState) -> Slot:
-        """Return `slot` with a path in place of `auto`, and without fields that have no effect: equal pictures have equal slots.
+        """Return `slot` with a path in place of `auto`, and defaults in fields without effect, so equal pictures have equal slots.
 
-        Where paths are timed, the scene drawer's last view is another one afterwards.
+        If it times paths, it changes the scene drawer's last view.
         """
         if is_image_source(slot.source):
             return Slot(slot.source, maps="all" if slot.source == REFERENCE else slot.maps)
@@ -113,23 +121,23 @@ class PathChooser:
             times = time_paths(self._slot_ms, view, slot, self._offered(slot))
             self._scheduler.forget()
             if not times.milliseconds:
-                # None can be drawn: the error of one of them says why.
+                # No path can be drawn. Drawing `deferred` raises the error that says why.
                 return replace(slot, path="deferred")
             self._times[slot.source, slot.precision, slot.filter] = times
         return self._effective(replace(slot, path=times.fastest))
 
     def _offered(self, slot: Slot) -> tuple[DecodePath, ...]:
-        """Return the paths among which `auto` chooses: sorting pixels by decoder only serves codecs whose pixels share weights."""
+        """Return the paths that `auto` times. `binned` sorts pixels by decoder, which pays only if decoders have weights to share."""
         paths = tuple(path for path in drawable_paths(self._context) if path in EXACT_PATHS)
         return paths if self._packs.shares_decoders(slot.source) else tuple(path for path in paths if path != "binned")
 
     def known(self, slot: Slot) -> Slot:
-        """Return `slot` with a path in place of `auto`, if its paths have been timed; nothing is timed now."""
+        """Return `slot` with a path in place of `auto` if its paths have been timed; never times them."""
         times = self.times(slot) if slot.path == "auto" else None
         return self._effective(slot if times is None else replace(slot, path=times.fastest))
 
     def _effective(self, slot: Slot) -> Slot:
-        """Return `slot` with a path that this driver can run, without the filter of paths that have none."""
+        """Return `slot` with a path that this driver can run, and filter `exact` for paths that ignore it."""
         if slot.path in COMPUTING and not self._context.features.compute:
             slot = replace(slot, path="forward")
         return replace(slot, filter="exact") if slot.path in FILTERED_PATHS else slot
@@ -145,7 +153,7 @@ class PathChooser:
             inputs = self._drawer.draw(view.camera, targets.visibility)
             targets.show(replace(inputs, anisotropy=anisotropy), ShownMaterials())
             timer = self._scheduler.timer
-            # With the stochastic filter a moving camera is shown one sample.
+            # With the stochastic filter, a moving camera shows one sample.
             with timer.waiting(), self._scheduler.drawing(whole=slot.filter == "exact"):
                 self._slots.draw_plane(key, targets)
             return timer.take_owned()[key]

@@ -1,4 +1,4 @@
-"""Targets on the GPU that have the size of the picture."""
+"""Render targets of the size of the picture."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -30,11 +30,11 @@ PLANES_OF_VIEW: dict[MaterialView, tuple[Plane, ...]] = {
     "orm": ("surface", "emission"),
     "emissive": ("emission",),
 }
-"""Planes that each view reads."""
+"""Planes of maps that each view reads."""
 
 
 def surface_content(view: ViewState, scene_buffers: SceneBuffers) -> SurfaceContent:
-    """Return what the visibility buffer of `view` must hold: no more than its passes read."""
+    """Return the content that the passes of `view` read from the visibility buffer."""
     filters = any(is_image_source(slot.source) or slot.path in FILTERED_PATHS for slot in (view.slot_a, view.slot_b))
     return SurfaceContent(
         scene_buffers.has_colors,
@@ -46,14 +46,14 @@ def surface_content(view: ViewState, scene_buffers: SceneBuffers) -> SurfaceCont
 
 @dataclass(frozen=True)
 class PlaneKey:
-    """Key of one plane of what a slot shows."""
+    """Slot and one of the planes that it shows."""
 
     slot: Slot
     plane: Plane
 
 
 def shown_materials(view: ViewState, inputs: VisibilityInputs) -> ShownMaterials:
-    """Return what `view` shows of the materials that `inputs` may see."""
+    """Return the maps and the light that `view` shows; `inputs` says which materials may be visible."""
     planes = tuple(
         plane for plane in PLANES_OF_VIEW[view.material_view] if plane == "base" or inputs.plane_textures[plane]
     )
@@ -89,20 +89,20 @@ class PictureTargets:
     shaded: dict[Slot, ColorTarget] = field(default_factory=dict)
     """Pictures of views other than `base`."""
     means: dict[Slot, BlendMean] = field(default_factory=dict)
-    """Means of views in which a BLEND surface may be seen."""
+    """Means of several samples, for views in which a BLEND surface may be visible."""
     latents: WeakKeyDictionary[VisibleLatentsPass, VisibleLatents] = field(default_factory=WeakKeyDictionary)
-    """Mips that the view needs of each pack."""
+    """Mips of each pack that the view needs."""
     drawn: dict[Slot, Picture] = field(default_factory=dict)
-    """Pictures made from this visibility buffer alone."""
+    """Pictures of one sample, made from this visibility buffer."""
     shown: dict[Slot, Picture] = field(default_factory=dict)
-    """Pictures that are shown: `drawn`, or means of several samples where BLEND surfaces may be seen."""
+    """Pictures to show: those of `drawn`, or means of several samples if BLEND surfaces may be visible."""
     plane_ms: dict[PlaneKey, float] = field(default_factory=dict)
-    """Time in ms that each plane took when it was last drawn."""
+    """Time in ms of the last drawing of each plane."""
     shaded_ms: dict[Slot, float] = field(default_factory=dict)
-    """Time in ms that each picture of a view other than `base` took when it was last drawn, without its planes."""
+    """Time in ms of the last shading of each picture, without its planes; absent for the view `base`."""
 
     def show(self, inputs: VisibilityInputs, materials: ShownMaterials) -> None:
-        """Draw this view from now on. Pictures of another one count for nothing."""
+        """Set the view to draw. Pictures of another view are discarded."""
         if (inputs, materials) != (self.inputs, self.materials):
             self.drawn.clear()
             self.shown.clear()
@@ -116,20 +116,22 @@ class PictureTargets:
         return self.inputs
 
     def inputs_of(self, key: PlaneKey) -> VisibilityInputs:
-        """Return the inputs that a plane is drawn from: only images and FILTERED_PATHS filter anisotropically."""
+        """Return the inputs for drawing a plane. Only images and FILTERED_PATHS get anisotropic filtering."""
         inputs = self.view.of_plane(key.plane)
         filters = is_image_source(key.slot.source) or key.slot.path in FILTERED_PATHS
         return inputs if filters else replace(inputs, anisotropy=1)
 
     def picture(self, slot: Slot) -> ColorTarget:
-        """Return the target that shows a slot. Raises KeyError for slots that have not been drawn."""
+        """Return the target with the picture of a slot. Raises KeyError for a slot that has not been drawn."""
         return self.shown[slot].target
 
     def samples(self, slots: Mapping[Slot, Slot]) -> dict[Slot, int]:
         """Return the number of samples in the pictures of `slots` (shown slot -> slot that draws it) with the stochastic filter."""
-        sampled = {key: own for key, own in slots.items() if not is_image_source(own.source) and own.filter != "exact"}
-        drawn = {key: self.drawn.get(own) for key, own in sampled.items()}
-        return {key: 0 if found is None else SAMPLES - _samples_left(found) for key, found in drawn.items()}
+        sampled = {
+            key: slot for key, slot in slots.items() if not is_image_source(slot.source) and slot.filter != "exact"
+        }
+        drawn = {key: self.drawn.get(slot) for key, slot in sampled.items()}
+        return {key: 0 if picture is None else SAMPLES - _samples_left(picture) for key, picture in drawn.items()}
 
     def blend_samples(self, slot: Slot) -> int:
         """Return the number of samples in the picture that a slot shows."""
@@ -137,12 +139,12 @@ class PictureTargets:
         return 1 if mean is None else mean.samples
 
     def samples_left(self, slot: Slot) -> int:
-        """Return the number of samples that the shown picture of a slot lacks."""
+        """Return the number of samples that the shown picture of a slot still lacks."""
         picture = self.shown.get(slot)
         return 0 if picture is None else _samples_left(picture)
 
     def note_ms(self, owned: Mapping[Hashable, float]) -> None:
-        """Take over times in ms, by plane or by slot, that have become known."""
+        """Store times in ms that have arrived from the GPU, by plane or by slot."""
         for owner, spent in owned.items():
             if isinstance(owner, PlaneKey) and owner in self.planes:
                 self.plane_ms[owner] = spent
@@ -150,15 +152,15 @@ class PictureTargets:
                 self.shaded_ms[owner] = spent
 
     def slot_ms(self) -> dict[Slot, float]:
-        """Return the time in ms that each slot took when it was last drawn: its planes of the last view, and the picture."""
-        found: dict[Slot, float] = {}
+        """Return the time in ms of the last drawing of each slot: its planes in the last view, and its shading."""
+        times: dict[Slot, float] = {}
         for key, spent in self.plane_ms.items():
             if key.plane in self.materials.planes:
-                found[key.slot] = found.get(key.slot, 0.0) + spent
+                times[key.slot] = times.get(key.slot, 0.0) + spent
         if self.materials.view != "base":
-            planes = {slot: found.get(replace(slot, maps="all"), 0.0) for slot in self.shaded_ms}
-            found |= {slot: planes[slot] + spent for slot, spent in self.shaded_ms.items()}
-        return found
+            planes = {slot: times.get(replace(slot, maps="all"), 0.0) for slot in self.shaded_ms}
+            times |= {slot: planes[slot] + spent for slot, spent in self.shaded_ms.items()}
+        return times
 
     def pair_key(self, view: ViewState) -> PairKey:
         """Return the key of the content of both slots."""

@@ -1,4 +1,4 @@
-"""Context that the parts of one renderer share: the GPU, the scene on it, programs, the scheduler, and settings of packs."""
+"""Objects and settings that the parts of one renderer share: GPU, scene, programs, scheduler, settings of packs."""
 
 from dataclasses import dataclass, field
 
@@ -18,15 +18,15 @@ class RenderContext:
 
     graphics: GraphicsContext
     programs: ProgramFactory
-    """Programs of all shaders that need no codec; those of codecs are made from it (`codec_programs`)."""
+    """Factory of the shaders that need no codec; `codec_programs` derives the factory of a codec."""
     scene: Scene
     scene_buffers: SceneBuffers
     scheduler: PassScheduler
     tile_budget: TileBudget = field(default_factory=TileBudget)
-    """Decoding time of path `cached`, with the settings of its tile caches."""
+    """Decoding time of a frame, and the settings of tile caches."""
     latents: LatentBudget | None = None
-    """Limit of GPU memory for the latents of a pack. None: all of them are uploaded at once."""
+    """Limit of GPU memory for the latents of a pack. None: all are uploaded at once."""
     emulate_half: bool = False
-    """Round in single precision what the driver cannot compute in halves: for tests and studies."""
+    """True: emulate half precision by rounding in single precision, for tests and studies on drivers without it."""
     variant: VariantName | None = None
-    """Variant of the decoding shaders. None: that of the renderer (`decoder_variant`)."""
+    """Variant of the decoding shaders. None: the one that suits the driver (`decoder_variant`)."""

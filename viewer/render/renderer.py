@@ -1,4 +1,4 @@
-"""The frame: which passes run, in which order. A pass whose inputs have not changed is skipped."""
+"""Renderer of a scene: the passes of a frame in their order. Passes whose inputs have not changed are skipped."""
 
 import statistics
 from collections.abc import Mapping, Sequence
@@ -39,13 +39,13 @@ from viewer.state.compare_layout import shown_slots
 from viewer.state.view_state import REFERENCE, Slot, ViewState
 
 UPDATE_BYTES = 8 << 20
-"""Upload budget of a frame for packs that replace others, in bytes (`Renderer.update_pack`)."""
+"""Default upload budget of a frame for newer versions of packs, in bytes (`Renderer.update_pack`)."""
 
 
 DRAWINGS_TIMED = 3
-"""Most drawings whose median is the time of a slot."""
+"""Largest number of drawings that `drawing_ms` takes the median of."""
 LONGEST_TIMING_MS = 500.0
-"""Time in ms after which no further drawing of a slot is timed."""
+"""Time in ms after which `drawing_ms` draws no more."""
 
 
 class Renderer:
@@ -62,9 +62,9 @@ class Renderer:
         update_bytes: int = UPDATE_BYTES,
         variant: VariantName | None = None,
     ) -> None:
-        """Open the scene. `update_bytes`: upload budget of a frame for packs that replace others; for the rest see RenderContext.
+        """Upload the scene. `update_bytes`: upload budget of a frame for newer versions of packs. For the rest see RenderContext.
 
-        Where the context waits for the GPU, the times of a frame and what its pixels need are known within the frame; else they are
+        If the context waits for the GPU, a frame knows its times and the mips and tiles that it needs within the frame; else they are
         taken from a frame or two before. Raises GpuMemoryError.
         """
         if not context.features.compute:
@@ -99,17 +99,17 @@ class Renderer:
         self._drawer = SceneDrawer(shared)
         self._packs = GpuPacks(shared)
         self.light = LightDrawer(shared, self._drawer)
-        """Light of the scene; its `problem` tells what is wrong with it."""
+        """Light of the scene; its `problem` is a message if the environment cannot be used."""
         self._slots = SlotDrawer(shared, self._packs, self.images, self.light)
         self._blend = BlendDrawer(shared, self._drawer, self._slots)
         self.paths = PathChooser(shared, self._drawer, self._packs, self._slots)
         self._targets: PictureTargets | None = None
         self._composite: CompositeTarget | None = None
-        """Composite of the targets' size."""
+        """Composite of the size of `_targets`."""
         self._picture: CompositeTarget | None = None
-        """Image of the last frame, which stays until another one is drawn whole."""
+        """Image of the last frame that was finished."""
         self._view: ViewState | None = None
-        """The last view; None where it could not be drawn."""
+        """Last view; None if it could not be drawn."""
 
     @property
     def matches(self) -> Mapping[str, PackMatch]:
@@ -117,20 +117,20 @@ class Renderer:
         return self._packs.matches
 
     def set_packs(self, packs: Mapping[str, Pack]) -> None:
-        """Set the packs that slots may name. Packs that are gone are freed; of replaced packs the differences are uploaded now."""
+        """Replace the open packs. Absent packs are freed; differences of replaced packs are uploaded at once."""
         self._packs.set_packs(packs)
         self._slots.prepared = {slot for slot in self._slots.prepared if slot.source in packs}
 
     def update_pack(self, name: str, pack: Pack) -> None:
         """Open a pack, or replace the open one of that name by another version.
 
-        The next frames upload the groups that differ, a few MB each, and draw the version before until all is there. A pack of other
-        textures or another codec is uploaded whole when it is drawn.
+        The next frames upload the groups that differ, a few MB in each, and draw the older version until the newer one is complete. A
+        pack of other textures or of another codec is uploaded whole when it is drawn.
         """
         self._packs.update_pack(name, pack)
 
     def memory(self, slot: Slot) -> PackMemory | None:
-        """Return the GPU memory that the slot's pack uses by the slot's path; None for images, and before its first frame."""
+        """Return the GPU memory of the slot's pack with the slot's path; None for images, and before the slot's first frame."""
         on_gpu = self._packs.uploaded(slot)
         if on_gpu is None:
             return None
@@ -138,7 +138,7 @@ class Renderer:
         return on_gpu.memory(used.path, used.filter)
 
     def loads(self, slot: Slot) -> LoadCounts | None:
-        """Return the textures that path `on-load` has compressed of the slot's pack; None for other paths. Waits for the GPU."""
+        """Return the counts of textures that path `on-load` has compressed for a slot; None for other paths. Waits for the GPU."""
         on_gpu = self._packs.uploaded(slot) if slot.path == "on-load" else None
         if on_gpu is None:
             return None
@@ -151,11 +151,11 @@ class Renderer:
 
     @checks_context
     def render(self, view: ViewState, whole: bool = False) -> FrameResult:
-        """Draw `view`; passes whose inputs are as before are skipped and counted.
+        """Draw `view`. Passes whose inputs have not changed are skipped and counted.
 
         With `whole` nothing is left for later frames, however long it takes: latents, tiles, images, samples, and newer packs.
-        Raises GpuMemoryError where something does not fit: then no view is drawn, the last frame's image stays as it is, and what
-        was made for nothing has been freed.
+        Raises GpuMemoryError if the GPU has too little memory: then the last frame's image stays valid, and the unfinished frame's
+        allocations are freed.
         """
         try:
             with self._scheduler.drawing(whole):
@@ -188,13 +188,13 @@ class Renderer:
         return self._result(asked, view, (targets, composite), upload, output)
 
     def _discard_frame(self) -> None:
-        """Forget what a frame has drawn that could not be finished."""
+        """Discard the results of a frame that could not be finished."""
         self._scheduler.forget()
         targets = self._targets
         if targets is not None:
             self._scheduler.invalidate(targets.visibility)
         if self._composite is not self._picture:
-            # It was to have another size. The next frame begins anew, with all the memory that this one has taken.
+            # The frame had a new size. Free its targets, so the next frame has their memory.
             self._release_targets()
 
     def _result(
@@ -214,9 +214,9 @@ class Renderer:
         shown = shown_slots(view)
         tiles, short_latents = self._packs.tile_counts(shown, skipped)
         loads = self._packs.load_counts(shown, skipped)
-        skipped["tiles_kept"] = sum(counts.kept for counts in tiles.values())
-        if upload.kept:
-            skipped["pack_bytes_kept"] = upload.kept
+        skipped["tiles_kept"] = sum(counts.reused for counts in tiles.values())
+        if upload.unchanged:
+            skipped["pack_bytes_kept"] = upload.unchanged
         chosen = dict(zip(asked, (view.slot_a, view.slot_b), strict=True))
         is_blended = self._blend.is_needed(targets.view)
         times = self.take_times()
@@ -231,10 +231,12 @@ class Renderer:
             divergence=self._compositor.statistics(view, {slot.source for slot in shown}),
             drawn={"triangles": counts.triangles, "commands": counts.commands},
             tiles=tiles,
-            paths={slot: own.path for slot, own in chosen.items()},
+            paths={slot: drawn_slot.path for slot, drawn_slot in chosen.items()},
             samples=targets.samples(chosen),
             blend_samples={
-                slot: targets.blend_samples(own) for slot, own in chosen.items() if is_blended and own in shown
+                slot: targets.blend_samples(drawn_slot)
+                for slot, drawn_slot in chosen.items()
+                if is_blended and drawn_slot in shown
             },
             loads=loads,
             short_latents=short_latents,
@@ -260,7 +262,7 @@ class Renderer:
         targets.show(replace(inputs, anisotropy=view.anisotropy), shown_materials(view, inputs))
 
     def _release_targets(self) -> None:
-        """Free what has the size of the picture, but not the image of the last frame."""
+        """Free all targets of the size of the picture except the image of the last frame."""
         targets, composite = self._targets, self._composite
         self._targets = self._composite = None
         self._blend.release()
@@ -270,17 +272,17 @@ class Renderer:
             composite.release()
 
     def take_times(self) -> dict[str, float]:
-        """Return the times of passes, in ms, that have become known since the last frame."""
+        """Return the times of passes, in ms, that have arrived from the GPU since the last call."""
         times = self._timer.take()
         if self._targets is not None:
             self._targets.note_ms(self._timer.take_owned())
         return times
 
     def slot_ms(self, slots: Sequence[Slot]) -> dict[Slot, float]:
-        """Return the time in ms that each of `slots` took when it was last drawn, as far as `take_times` has brought it."""
+        """Return the time in ms of the last drawing of each of `slots`, if `take_times` has received it."""
         drawn = self._targets.slot_ms() if self._targets is not None else {}
         known = {slot: self.paths.known(slot) for slot in slots}
-        return drawn | {slot: drawn[own] for slot, own in known.items() if own in drawn}
+        return drawn | {slot: drawn[drawn_slot] for slot, drawn_slot in known.items() if drawn_slot in drawn}
 
     @property
     def _drawn(self) -> tuple[PictureTargets, ViewState]:
@@ -291,10 +293,10 @@ class Renderer:
 
     @checks_context
     def drawing_ms(self, slot: Slot) -> float:
-        """Draw what `slot` shows of the last view several times on targets of its own; return the median time in ms.
+        """Draw `slot` in the last view several times, on separate targets; return the median time in ms.
 
-        The slot must have been drawn before: drivers compile when a program first draws. With the stochastic filter a drawing is one
-        sample. Raises GpuMemoryError.
+        Draw the slot once before this call, because drivers compile a program when it first draws. With the stochastic filter, a
+        drawing is one sample. Raises GpuMemoryError.
         """
         shown, view = self._drawn
         slot, content = self.paths.chosen(slot, view), shown.visibility.content
@@ -316,21 +318,21 @@ class Renderer:
         return statistics.median(drawn)
 
     def _forget_frame(self, targets: PictureTargets) -> None:
-        """Count what was drawn outside of a frame for its slot alone."""
+        """Store the times of work outside a frame for its slot, and leave them out of the next frame's times."""
         targets.note_ms(self._timer.take_owned())
         self._scheduler.forget()
 
     def prepare(self, slot: Slot) -> bool:
-        """Compile what `slot` needs, by drawing a few pixels of the last view with it; return False if that was done before.
+        """Compile the programs of `slot` by drawing a few pixels of the last view; return False if that was done before.
 
-        Drivers compile shaders when they are first used: after this, a first switch to `slot` takes no longer than any other.
+        Drivers compile shaders when they are first used. After this call, the first switch to `slot` is as fast as later ones.
         """
         if self._targets is None or self._view is None:
             return False
         return self._slots.prepare(self.paths.known(slot), self._targets, self._drawer)
 
     def prepare_slots(self) -> bool:
-        """Draw a slot of the last view that is not shown, so that it can be shown at once; return whether there was one to draw."""
+        """Draw a slot of the last view that is not shown yet, so a switch to it is immediate; return whether one was left to draw."""
         targets, view = self._targets, self._view
         if targets is None or view is None:
             return False
@@ -343,9 +345,9 @@ class Renderer:
         return False
 
     def prepare_comparison(self) -> bool:
-        """Compile a program that another way to compare the last view would need; return whether there was one.
+        """Compile a program for another comparison mode of the last view; return whether one was left to compile.
 
-        Both slots must have been drawn. A driver may put off its work to the first drawing: so a few pixels are drawn.
+        Both slots must have been drawn. A few pixels are drawn, because drivers may delay compiling to the first drawing.
         """
         targets, view = self._targets, self._view
         if targets is None or view is None or not {view.slot_a, view.slot_b} <= targets.shown.keys():
@@ -353,7 +355,7 @@ class Renderer:
         return self._compositor.prepare(view, targets)
 
     def drawn_pair(self) -> DrawnPair | None:
-        """Return both slots of the last view as they are on the GPU; None while one is not drawn whole."""
+        """Return the pictures of both slots of the last view; None while one of them is incomplete."""
         targets, view = self._targets, self._view
         if targets is None or view is None:
             return None
@@ -363,12 +365,12 @@ class Renderer:
         return DrawnPair(targets.pair_key(view), a.target, b.target, targets.visibility)
 
     def pair_key(self) -> PairKey | None:
-        """Return the key that `drawn_pair` would have; None before the first picture."""
+        """Return the key that `drawn_pair` has once both slots are complete; None before the first picture."""
         return None if self._targets is None or self._view is None else self._targets.pair_key(self._view)
 
     @checks_context
     def picture(self, slot: Slot) -> NDArray[np.float32]:
-        """Return [H, W, 3] float32 linear, row 0 on top: what `slot` shows of the last view; drawn now if it was not."""
+        """Return the picture of `slot` in the last view, drawn now if necessary: [H, W, 3] float32 linear, row 0 on top."""
         targets, view = self._drawn
         slot = self.paths.chosen(slot, view)
         with self._scheduler.drawing(whole=True):
@@ -378,7 +380,7 @@ class Renderer:
         return picture.target.read()
 
     def decoded_planes(self, slot: Slot) -> tuple[Plane, ...]:
-        """Return the planes of the last view that are decoded; none before a first view."""
+        """Return the planes of the last view that are decoded from the slot's pack; none before the first view."""
         targets, view = self._targets, self._view
         if targets is None or view is None:
             return ()
@@ -387,7 +389,7 @@ class Renderer:
 
     @checks_context
     def planes(self, slot: Slot) -> dict[Plane, NDArray[np.float32]]:
-        """Return the planes that `slot` shows of the last view: [H, W, 4] float32, row 0 on top (docs/explanation/lighting.md)."""
+        """Return the planes of `slot` in the last view: [H, W, 4] float32 each, row 0 on top (docs/explanation/lighting.md)."""
         self.picture(slot)
         targets, view = self._drawn
         keys = self._slots.keys(self.paths.chosen(slot, view), targets)
@@ -395,14 +397,14 @@ class Renderer:
 
     @checks_context
     def picture_in(self, slot: Slot, pixels: tuple[int, int, int, int]) -> NDArray[np.float32] | None:
-        """Return `picture_part`, read back: [h, w, 3] float32 linear."""
+        """Return the pixels of `picture_part`: [h, w, 3] float32 linear."""
         part = self.picture_part(slot, pixels)
         return None if part is None else np.ascontiguousarray(part.read()[..., :3], np.float32)
 
     def picture_part(self, slot: Slot, pixels: tuple[int, int, int, int]) -> PicturePart | None:
-        """Return a part of what `slot` shows of the last view, with alpha; None if that has not been drawn.
+        """Return a rectangle of the picture of `slot` in the last view, with alpha; None if it has not been drawn.
 
-        `pixels` are left, top, right, bottom from the upper left corner.
+        `pixels`: left, top, right, bottom from the upper left corner.
         """
         targets, view = self._targets, self._view
         if targets is None or view is None:
@@ -415,7 +417,7 @@ class Renderer:
 
     @checks_context
     def texture_ids_from(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.int32]:
-        """Return the texture ids that `camera` sees at `size`: [H, W] int32, row 0 on top. The last view stays."""
+        """Return the texture ids that `camera` sees at `size`: [H, W] int32, row 0 on top. The last view does not change."""
         content = surface_content(ViewState(camera=camera, size=size), self._scene_buffers)
         return self._drawer.texture_ids(camera, size, content)
 

@@ -1,4 +1,4 @@
-"""Culling and the visibility pass: from a camera to what the later passes read."""
+"""Culling and the visibility pass: from a camera to the visibility buffer."""
 
 from dataclasses import replace
 
@@ -22,16 +22,16 @@ from viewer.render.resources.visibility_buffer import SurfaceContent, Visibility
 from viewer.scene.model import Camera, Pose, Scene
 
 LEAST_CLUSTERS = 1 << 14
-"""Fewest clusters of all instances that are culled on the GPU: 2 million triangles."""
+"""Fewest clusters of a scene, all instances counted, for culling on the GPU: 2 million triangles."""
 LEAST_OF_INSTANCE = 8
-"""Fewest clusters of an instance on average: the CPU culls smaller instances as well, each as a whole."""
+"""Fewest clusters of an average instance for culling on the GPU. Smaller instances are culled on the CPU, each as a whole."""
 ON_SOFTWARE = False
-"""True where software renderers cull by small clusters, too; their frames take as long as with culling on the CPU."""
+"""Whether software renderers cull clusters in shaders. Their frames take equally long with either."""
 
 
 def pays_on_gpu(scene: Scene, storage_bytes: int, is_software: bool) -> bool:
-    """Return whether culling `scene` on the GPU pays for its three steps, and fits into buffers of `storage_bytes`."""
-    # Bounds of clusters whose vertices move would have to follow them.
+    """Return whether culling on the GPU saves more than its three dispatches cost, and fits into buffers of `storage_bytes`."""
+    # Clusters of moving vertices would need new bounds in every frame.
     if (is_software and not ON_SOFTWARE) or scene.motion is not None:
         return False
     clusters = cluster_count(scene, GPU_CLUSTER_TRIANGLES)
@@ -61,21 +61,21 @@ class SceneDrawer:
             self._pose = PosePass(motion, scene, scene_buffers, self._vertices, culling.clusters)
         self._cull = CullPass(self.posed, scene, scene_buffers, self._clusters)
         self.pose = Output(0)
-        """Output of the pass that poses the scene."""
+        """Output of the last pose pass."""
 
     def set_pose(self, pose: Pose | None) -> None:
-        """Pose the scene; None: as it was read.
+        """Set the pose of the scene; None: the pose of the file.
 
-        Raises GpuMemoryError, and InputError for a pose of an animation that the scene has not.
+        Raises GpuMemoryError, and InputError for an animation that the scene lacks.
         """
         as_read, posed = self._scene.pose, self.posed
-        wanted = pose or as_read
-        if self._pose is not None and (posed.has_moved or wanted != as_read):
+        target_pose = pose or as_read
+        if self._pose is not None and (posed.has_moved or target_pose != as_read):
             posed.has_moved = True
-            self.pose = self._scheduler.advance(self._pose, wanted, posed)
+            self.pose = self._scheduler.advance(self._pose, target_pose, posed)
 
     def draw_counts(self) -> DrawCounts:
-        """Return the counts of the last visibility buffer; unless the context waits, perhaps of one before.
+        """Return the counts of the last visibility buffer; if the context does not wait for the GPU, perhaps of an earlier one.
 
         Raises RuntimeError before the first.
         """
@@ -87,7 +87,7 @@ class SceneDrawer:
 
     @property
     def coverage(self) -> int:
-        """Version of what textures cover."""
+        """Version of the textures' coverage."""
         return self._buffers.coverage
 
     @property
@@ -97,13 +97,13 @@ class SceneDrawer:
         return self._culled.scene
 
     def draw(self, camera: Camera, target: VisibilityTarget, blend_sample: int = 0) -> VisibilityInputs:
-        """Draw what `camera` sees, unless `target` shows that already. Raises GpuMemoryError.
+        """Draw the view of `camera`, unless `target` shows it already. Raises GpuMemoryError.
 
         `blend_sample` is the pattern of thresholds that BLEND surfaces are drawn against.
         """
         reads, timer = (self.pose,), self._scheduler.timer
         view = CameraView(camera, target.size)
-        # Nothing reads the version of this output: other cameras may have been culled for since.
+        # Nothing reads the version of this output, because other cameras may have been culled since.
         self._scheduler.advance(self._cull, view, self._culled, reads, timing=timer.measure_cpu)
         culled = replace(self._last, sample=blend_sample, coverage=self.coverage)
         version = self._scheduler.advance(self._visibility, culled, target, reads).version
@@ -112,13 +112,13 @@ class SceneDrawer:
     def redraw(self, target: VisibilityTarget) -> VisibilityInputs:
         """Draw the last view into `target`, which may have another size."""
         last = self._last
-        # Another size of pixels shows other small clusters.
-        is_culled_anew = self._clusters is not None and target.size != last.size
-        if is_culled_anew:
+        # Which small clusters are culled depends on the size of a pixel.
+        needs_culling = self._clusters is not None and target.size != last.size
+        if needs_culling:
             self._buffers.upload(self._cull.draw_list(CameraView(last.camera, target.size), last.matrix))
         culled = replace(last, coverage=self.coverage)
         version = self._scheduler.advance(self._visibility, culled, target, (self.pose,)).version
-        if is_culled_anew:
+        if needs_culling:
             self._buffers.upload(self._cull.draw_list(CameraView(last.camera, last.size), last.matrix))
         return self._inputs(last, target, version)
 

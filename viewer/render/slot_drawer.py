@@ -1,4 +1,4 @@
-"""Draws the pictures of slots: planes of maps, as images or by a decode path, what a view makes of them, and means of samples."""
+"""Drawing of slots: their planes of maps (images, or a decode path), the shading of a view, and means of samples."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -30,26 +30,26 @@ def _described(source: str) -> str:
 
 
 class SlotDrawer:
-    """Drawing of slots: it hands the passes of a slot to the scheduler, which runs those that have something to do."""
+    """Drawing of slots. It gives the passes of a slot to the scheduler, which runs the outdated ones."""
 
     def __init__(self, context: RenderContext, packs: GpuPacks, images: ImageSources, light: LightDrawer) -> None:
         self._context, self._scheduler = context.graphics, context.scheduler
         self._packs, self._images, self._light = packs, images, light
         self._shade = ShadePass(context.graphics, context.programs)
         self.prepared: set[Slot] = set()
-        """Slots whose programs have been used."""
+        """Slots whose programs have been compiled."""
 
     def keys(self, slot: Slot, targets: PictureTargets) -> dict[Plane, PlaneKey]:
         """Return the planes that the picture of `slot` in the last view is made from.
 
-        Maps that a pack or a format lacks are those of the original images.
+        Planes that a pack or a format lacks come from the original images.
         """
-        found = {}
+        keys = {}
         for plane in targets.materials.planes:
             key = PlaneKey(replace(slot, maps="all"), plane)
-            wanted = slot.maps == "all" or PLANE_OF_MAP[slot.maps] == plane
-            found[plane] = key if wanted and self._holds(key) else PlaneKey(Slot(), plane)
-        return found
+            is_shown = slot.maps == "all" or PLANE_OF_MAP[slot.maps] == plane
+            keys[plane] = key if is_shown and self._holds(key) else PlaneKey(Slot(), plane)
+        return keys
 
     def _holds(self, key: PlaneKey) -> bool:
         if is_image_source(key.slot.source):
@@ -57,11 +57,11 @@ class SlotDrawer:
         return self._packs.holds(key.slot.source, key.plane)
 
     def source_version(self, slot: Slot) -> int:
-        """Return the version of what a slot shows: it differs whenever the picture may."""
+        """Return the version of the pack that a slot shows, 0 for images; it changes whenever the picture may change."""
         return 0 if is_image_source(slot.source) else self._packs.version(slot)
 
     def draw(self, slot: Slot, targets: PictureTargets) -> Picture:
-        """Draw the slot's picture of the last view as far as this frame takes it.
+        """Draw the slot in the last view, as far as this frame's budget allows.
 
         Raises GpuMemoryError that names the pack, ShaderError.
         """
@@ -78,7 +78,7 @@ class SlotDrawer:
     def _shaded(
         self, slot: Slot, targets: PictureTargets, keys: Mapping[Plane, PlaneKey], reads: list[Output]
     ) -> tuple[ColorTarget, Output]:
-        """Draw what a view other than `base` makes of the planes; maps that `slot` leaves out are those of the original images."""
+        """Shade a view other than `base`. Maps that `slot` leaves out come from the original images."""
         view, shown = targets.materials.view, {plane: targets.planes[key] for plane, key in keys.items()}
         light, other, taken = None, None, frozenset[MapName]()
         if slot.maps != "all":
@@ -97,26 +97,26 @@ class SlotDrawer:
             return target, self._scheduler.advance(self._shade, inputs, target, reads)
 
     def draw_plane(self, key: PlaneKey, targets: PictureTargets) -> Output:
-        """Draw one plane of the last view as far as this frame takes it. Raises GpuMemoryError that names the pack, ShaderError."""
+        """Draw one plane of the last view, as far as the budget allows. Raises GpuMemoryError that names the pack, ShaderError."""
         return self._draw_planes((key,), targets)[key]
 
     def _draw_planes(self, keys: Collection[PlaneKey], targets: PictureTargets) -> dict[PlaneKey, Output]:
         outputs: dict[PlaneKey, Output] = {}
         for slot in dict.fromkeys(key.slot for key in keys):
-            own = [key for key in keys if key.slot == slot]
+            slot_keys = [key for key in keys if key.slot == slot]
             is_image = is_image_source(slot.source)
-            # Names the pack itself.
+            # Outside `naming_memory_errors`, because on_gpu names the pack itself.
             pack = None if is_image else self._packs.on_gpu(slot)
-            for key in own:
+            for key in slot_keys:
                 if key not in targets.planes:
                     targets.planes[key] = ColorTarget(self._context, targets.visibility.size, is_image)
             with naming_memory_errors(_described(slot.source)):
                 if pack is None:
-                    outputs |= {key: self._draw_images(key, targets) for key in own}
+                    outputs |= {key: self._draw_images(key, targets) for key in slot_keys}
                 elif pack.decodes_planes(slot.path):
-                    outputs |= self._decode_pixels(own, pack, targets)
+                    outputs |= self._decode_pixels(slot_keys, pack, targets)
                 else:
-                    for key in own:
+                    for key in slot_keys:
                         outputs |= self._decode(key, pack, targets)
         return outputs
 
@@ -144,19 +144,19 @@ class SlotDrawer:
     def _decode_pixels(
         self, keys: Sequence[PlaneKey], pack: GpuPack, targets: PictureTargets
     ) -> dict[PlaneKey, Output]:
-        """Decode one plane, or planes of one slot that one pass decodes, by a path that decodes every pixel."""
-        slot, version, wanted = keys[0].slot, Output(pack.version), []
+        """Decode planes of one slot by a path that decodes every pixel: one plane, or several if one pass decodes them all."""
+        slot, version, parts = keys[0].slot, Output(pack.version), []
         decode = pack.decoder(slot.path, slot.filter, None if pack.decodes_planes(slot.path) else keys[0].plane)
         self.prepared.add(slot)
         for key in keys:
             inputs, latents = targets.inputs_of(key), pack.latents(key.plane)
             needed = targets.latents.setdefault(latents, VisibleLatents())
             read = (version, self._scheduler.advance(latents, inputs, needed, (version,)))
-            wanted.append(PassTarget(inputs, targets.planes[key], read, key))
-        return dict(zip(keys, self._scheduler.advance_all(decode, wanted), strict=True))
+            parts.append(PassTarget(inputs, targets.planes[key], read, key))
+        return dict(zip(keys, self._scheduler.advance_all(decode, parts), strict=True))
 
     def prepare(self, slot: Slot, targets: PictureTargets, drawer: SceneDrawer) -> bool:
-        """Compile what `slot` needs, by drawing a few pixels of the last view with it; return False if that was done before."""
+        """Compile the programs of `slot` by drawing a few pixels of the last view; return False if that was done before."""
         if slot in self.prepared or slot.source not in self._packs or slot.path == "auto":
             return False
         self.prepared.add(slot)
@@ -171,25 +171,25 @@ class SlotDrawer:
         return True
 
     def release(self) -> None:
-        """Free what shading has allocated; planes and pictures belong to their targets."""
+        """Free the shading pass; planes and pictures belong to their PictureTargets."""
         self._shade.release()
 
 
 def dithered_materials(scene: Scene) -> frozenset[int]:
-    """Return the materials whose surfaces cover other pixels in each sample: alphaMode BLEND, neither clear nor opaque everywhere."""
+    """Return the materials whose coverage differs from sample to sample: alphaMode BLEND, neither clear nor opaque everywhere."""
     has_colors = scene.geometry.colors is not None
-    found = []
+    dithered = []
     for number, material in enumerate(scene.materials):
         has_alpha = material.texture_id >= 0 and scene.textures[material.texture_id].has_alpha
         if material.alpha_mode == "blend" and (has_alpha or has_colors or 0.0 < material.factor[3] < 1.0):
-            found.append(number)
-    return frozenset(found)
+            dithered.append(number)
+    return frozenset(dithered)
 
 
 class BlendDrawer:
-    """Drawing of what is shown of slots: their pictures, or the means of several where BLEND surfaces may be seen.
+    """Drawing of the shown pictures of slots: one sample, or the mean of several if BLEND surfaces may be visible.
 
-    Further samples have a visibility buffer and planes of their own; so ids, divergence and planes are always those of the first.
+    Further samples have a separate visibility buffer and planes, so ids, divergence and planes are always those of the first sample.
     """
 
     def __init__(self, context: RenderContext, drawer: SceneDrawer, slots: SlotDrawer) -> None:
@@ -198,29 +198,29 @@ class BlendDrawer:
         self._materials = dithered_materials(context.scene)
         self._pass = BlendSamplesPass(context.graphics, context.programs, self._draw_sample)
         self._further: PictureTargets | None = None
-        """Targets of the sample that is being added."""
+        """Targets of further samples."""
 
     def is_needed(self, view: VisibilityInputs) -> bool:
-        """Return whether a picture of this view takes more than one sample."""
+        """Return whether a picture of this view needs more than one sample."""
         return not self._materials.isdisjoint(view.visible_materials) and view != self._pass.given_up
 
     def show(self, slot: Slot, targets: PictureTargets) -> Picture:
-        """Draw what is shown of a slot. Raises GpuMemoryError that names the pack, ShaderError."""
-        own = picture = self._slots.draw(slot, targets)
+        """Draw the picture to show for a slot. Raises GpuMemoryError that names the pack, ShaderError."""
+        first = picture = self._slots.draw(slot, targets)
         if not self.is_needed(targets.view):
             targets.release_means()
-        elif own.output.is_complete:
+        elif first.output.is_complete:
             mean = targets.means.setdefault(slot, BlendMean(targets.visibility.size))
-            inputs = BlendInputs(slot, own.target, targets.view, targets.materials)
+            inputs = BlendInputs(slot, first.target, targets.view, targets.materials)
             timing = self._scheduler.timer.counted_as
-            output = self._scheduler.advance(self._pass, inputs, mean, (own.output,), timing=timing)
-            target = own.target if mean.samples == 1 or mean.target is None else mean.target
-            picture = Picture(target, output, own.source_version)
+            output = self._scheduler.advance(self._pass, inputs, mean, (first.output,), timing=timing)
+            target = first.target if mean.samples == 1 or mean.target is None else mean.target
+            picture = Picture(target, output, first.source_version)
         targets.shown[slot] = picture
         return picture
 
     def _draw_sample(self, inputs: BlendInputs, number: int) -> ColorTarget | None:
-        """Draw sample `number`; return None where it is not whole. Raises GpuMemoryError, ShaderError."""
+        """Draw sample `number`; return None if it stays incomplete. Raises GpuMemoryError, ShaderError."""
         shown, further, camera = inputs.view.visibility, self._further, inputs.view.camera
         assert camera is not None
         if further is None or (further.visibility.size, further.visibility.content) != (shown.size, shown.content):
@@ -231,11 +231,11 @@ class BlendDrawer:
         further.show(replace(drawn, anisotropy=inputs.view.anisotropy), inputs.materials)
         with self._scheduler.drawing(whole=True):
             sampled = self._slots.draw(inputs.slot, further)
-        # A tile cache that is too small: the own picture would be drawn again, and so on without end.
+        # Incomplete means that the tile cache is too small. Both pictures would evict each other's tiles without end.
         return sampled.target if sampled.output.is_complete else None
 
     def release(self) -> None:
-        """Free what further samples are drawn into; the means belong to their targets."""
+        """Free the targets of further samples; the means belong to their PictureTargets."""
         if self._further is not None:
             self._further.release()
             self._further = None

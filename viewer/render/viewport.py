@@ -1,4 +1,4 @@
-"""The picture of a session: drawn when it is out of date, coarser while it moves, and kept where the GPU has no memory for more."""
+"""Picture of a session. It is redrawn when it is out of date, coarser during motion, and stays if GPU memory runs out."""
 
 import math
 import time
@@ -29,26 +29,26 @@ from viewer.state.session import Session
 from viewer.state.view_state import EXACT_PATHS, REFERENCE, PictureAlone, ViewState
 
 SLOW_FRAME_MS = 120.0
-"""Longest time of a whole frame in ms before a moving picture becomes coarse."""
+"""Time of a full-resolution frame in ms above which moving pictures are coarse."""
 COARSENESS = 4
-"""Side of a pixel of a coarse picture, in pixels of a picture at rest."""
+"""Side of a pixel of a coarse picture, in pixels of the picture at rest."""
 COARSENESS_OF_MAPS = 2
-"""Side of such a pixel under a map of decoders, in pixels: 4 of the 64 pixels of a block would say little of its decoders."""
+"""Side of such a pixel with the divergence overlay. COARSENESS would count 4 of the 64 pixels of a block."""
 TILE_MILLISECONDS = 25.0
-"""Time in ms that a frame may decode tiles that have come into sight."""
+"""Limit of the time that a frame spends on decoding tiles, in ms."""
 LEAST_TILES = 3
-"""Fewest tiles that a frame decodes: on a machine that a training keeps busy a tile takes some milliseconds."""
+"""Fewest tiles that a frame decodes. While a training runs, one tile may take several milliseconds."""
 MOVING_SECONDS = 0.3
-"""Time in seconds that a camera must rest before it counts as at rest."""
+"""Time in seconds after a movement during which the picture counts as moving."""
 
 
 class Viewport:
-    """Renderer of the session's scene, with what it has drawn. Sizes are (width, height) of the picture in pixels."""
+    """Renderer of the session's scene, and its last picture. Sizes are (width, height) of the picture in pixels."""
 
     def __init__(
         self, context: GraphicsContext, session: Session, times: FrameTimes, background: Background, emit: EmitEvent
     ) -> None:
-        """`times` and `background` are cleared when another scene is drawn. `emit` reports what cannot be drawn."""
+        """`times` and `background` are cleared when another scene is drawn. `emit` receives events about problems."""
         self._context, self._session, self._emit = context, session, emit
         self._times, self._background = times, background
         self._scene: Scene | None = None
@@ -59,7 +59,7 @@ class Viewport:
         """Thumbnails of the renderer's scene."""
         self.last: FrameResult | None = None
         self.last_view: ViewState | None = None
-        """View that `last` shows; None where that is out of date."""
+        """View that `last` shows; None if `last` is out of date."""
         self._camera: Camera | None = None
         self._pose: Pose | None = None
         self._moved_at = -math.inf
@@ -67,30 +67,30 @@ class Viewport:
         self._is_drawn = False
         """True once the renderer has drawn something."""
         self._undrawable: tuple[Scene, Mapping[str, Pack], ViewState] | None = None
-        """Scene, packs and view that the GPU had no memory for last: not tried again before something changes."""
+        """Scene, packs and view for which the GPU had no memory; they are not tried again."""
         self._drawable: tuple[Scene, Mapping[str, Pack], ViewState] | None = None
         """Scene, packs and view that were drawn last."""
         self._made: tuple[object, ViewState] | None = None
-        """What `_view` was made from last, and its result."""
+        """Arguments of the last `_view`, and its result."""
         self._whole = False
-        """True where the last picture was asked for whole."""
+        """True if the last `draw` asked for a complete picture."""
         self.frames_drawn = 0
         """Number of frames in which the renderer had something to do."""
 
     @property
     def pending(self) -> tuple[Pending, ...]:
-        """Parts of the last picture that are still to come."""
+        """Parts that the last picture still lacks."""
         return () if self.last is None else self.last.pending
 
     @property
     def is_open(self) -> bool:
-        """True where the renderer has what is open in the session."""
+        """True if the renderer shows the scene, packs and formats that are open in the session."""
         session = self._session
         same = session.scene is self._scene and session.compressed is self._compressed
         return self.renderer is not None and same and session.packs is self._packs
 
     def due(self, size: tuple[int, int]) -> tuple[str, ...]:
-        """Return why the next picture differs from the last, in lines, as far as is known; empty where it does not."""
+        """Return the known reasons for another frame, one line each; empty if the picture is final."""
         if self.is_undrawable(size):
             return ()
         lines = [item.line for item in self.pending]
@@ -101,22 +101,22 @@ class Viewport:
         return tuple(lines)
 
     def is_coarse(self) -> bool:
-        """Return whether the next picture has fewer pixels, because the camera moves and a whole one would take long."""
+        """Return whether the next picture has fewer pixels, because the camera moves and frames are slow."""
         if self._whole or not self._session.settings.coarse_while_moving:
             return False
         return self._times.whole_frame_ms > SLOW_FRAME_MS and time.monotonic() - self._moved_at < MOVING_SECONDS
 
     def is_undrawable(self, size: tuple[int, int]) -> bool:
-        """Return whether the GPU had no memory for just this the last time."""
+        """Return whether the GPU had no memory for this same picture before."""
         if self._undrawable is None:
             return False
         scene, packs, view = self._undrawable
         return scene is self._session.scene and packs is self._session.packs and view == self._view(size)
 
     def draw(self, size: tuple[int, int], whole: bool = False) -> None:
-        """Draw what is out of date; with `whole` at once, although the camera moves, and nothing is left for later frames.
+        """Draw the picture if it is out of date. With `whole`, it is complete and at full resolution, even during motion.
 
-        Raises InputError and ShaderError; a lack of GPU memory is notified."""
+        Raises InputError and ShaderError; too little GPU memory is notified instead."""
         self._whole = whole
         self._note_movement()
         if self.is_undrawable(size):
@@ -128,7 +128,7 @@ class Viewport:
                 self._times.note_passes(late)
             return
         renderer.tile_budget.note_frame(self._times.last_ms)
-        # Nothing can be asked about a view that could not be drawn.
+        # Stays None if drawing fails, so nothing is read from the unfinished picture.
         self.last_view = None
         try:
             self.last = renderer.render(view, whole)
@@ -139,7 +139,7 @@ class Viewport:
             self._context.reset.check_after(error)
             self._emit(Notification(str(error), "error"))
             if view.pose is not None:
-                # Transforms may overflow at a moment of an animation.
+                # The animation's transforms may overflow at this moment, so show the pose of the file.
                 self._emit(ViewChanged(replace(self._session.view, pose=None)))
             self._leave_half_arithmetic()
             return
@@ -152,22 +152,22 @@ class Viewport:
             self._times.note(self.last)
 
     def compose_again(self, view: ViewState) -> None:
-        """Draw the same view with what has been found about it."""
+        """Draw the same view again with newer overlays, such as the FLIP map."""
         if self.renderer is not None:
             self.last = self.renderer.render(view)
             self.frames_drawn += 1
 
     def alone(self, kind: PictureAlone, size: tuple[int, int]) -> NDArray[np.uint8]:
-        """Return the picture without the interface: [H, W, 3] uint8 sRGB, row 0 on top. Raises InputError where there is none."""
+        """Return the picture without the interface: [H, W, 3] uint8 sRGB, row 0 on top. Raises InputError if there is none yet."""
         if self.renderer is None or not self.is_open:
             raise InputError("no picture to write yet: the scene has not been drawn")
         view = self._view(size).alone(kind)
-        # The next frame draws what is shown again: both have one target.
+        # This picture overwrites the shown one, so the next frame draws that again.
         self.last_view = None
         return read_picture(self.renderer.render(view, whole=True).image)
 
     def note_failure(self, size: tuple[int, int]) -> bool:
-        """Note that an error broke drawing off; return False where there is no older picture to stay with."""
+        """Record that an error interrupted drawing; return False if there is no older picture to show."""
         if self.renderer is None:
             if self.frames_drawn == 0:
                 return False
@@ -176,7 +176,7 @@ class Viewport:
         return True
 
     def prepare_next(self) -> bool:
-        """Compile the next thing that the user may switch to, while nothing else is to be done; return False when all is ready."""
+        """Compile one decode path that the user may switch to; return False when all are compiled. For idle time."""
         view, renderer = self._session.view, self.renderer
         if renderer is None or not self.is_open:
             return False
@@ -200,7 +200,7 @@ class Viewport:
         self.last = self.last_view = None
 
     def _current_renderer(self) -> Renderer:
-        """Return the renderer of the session's scene: a new one when the scene has changed, the old one when that cannot be drawn."""
+        """Return the renderer of the session's scene; the previous renderer if the new scene cannot be drawn."""
         session = self._session
         if self.renderer is None or self._scene is not session.scene:
             tiles = TileCacheConfig(session.settings.tile_cache_megabytes << 20, TILE_MILLISECONDS, LEAST_TILES)
@@ -225,7 +225,7 @@ class Viewport:
             for name, pack in session.packs.items():
                 if name in (self._packs or {}):
                     self.renderer.update_pack(name, pack)
-            # A pack may have been read anew under its old name: an equal view then shows something else.
+            # A pack may have been reloaded under the same name, so an equal view may show a different picture.
             self.renderer.set_packs(session.packs)
             self._packs = session.packs
             self.last_view = None
@@ -235,7 +235,7 @@ class Viewport:
         return self.renderer
 
     def _view(self, size: tuple[int, int]) -> ViewState:
-        """Return the session's view with the pixels that are drawn; made where that has changed since the last call."""
+        """Return the session's view at the resolution to draw; the same object while nothing changes."""
         shown, coarseness = self._session.shown_view, 1
         if self.is_coarse():
             coarseness = COARSENESS_OF_MAPS if shown.overlay.kind == "divergence" else COARSENESS
@@ -248,7 +248,7 @@ class Viewport:
 
     def _note_movement(self) -> None:
         camera = self._session.view.camera
-        # A jump to a camera of the scene is no movement: it is drawn whole at once.
+        # A jump to a camera of the scene is no movement, so it is drawn at full resolution.
         known = self._camera in (None, camera) or camera in self._session.scene.cameras
         poses = self._session.playback.is_playing and self._pose != self._session.view.pose
         if (poses or not known) and self._scene is self._session.scene:
@@ -256,13 +256,13 @@ class Viewport:
         self._camera, self._pose = camera, self._session.view.pose
 
     def _leave_half_arithmetic(self) -> None:
-        """Keep the weights as halves, but compute in fp32: what every driver can."""
+        """Change slots with half arithmetic to `fp16`: weights in halves, arithmetic in fp32, which all drivers support."""
         for side, slot in self._session.view.slots.items():
             if slot.precision not in ("fp32", "fp16"):
                 self._emit(ViewChanged(self._session.view.with_slot(side, replace(slot, precision="fp16"))))
 
     def _give_up(self, error: GpuMemoryError, view: ViewState) -> None:
-        """Go back to what was drawn before, or show less: the GPU has no memory for what is to be drawn."""
+        """Handle too little GPU memory: go back to the last drawable state, or show one slot alone."""
         session = self._session
         self._emit(Notification(str(error), "error", details_of(error)))
         before = session.scene, session.packs, session.view
@@ -270,7 +270,7 @@ class Viewport:
             self._emit(Reverted(*self._drawable))
         if (session.scene, session.packs, session.view) != before:
             if not self._is_drawn:
-                # All that this scene has taken is needed for the one before.
+                # The previous scene needs the memory of this one.
                 self.release()
             return
         alone = next((side for side, slot in session.view.slots.items() if slot.source != REFERENCE), None)
@@ -278,11 +278,11 @@ class Viewport:
             self._emit(ViewChanged(replace(session.view, compare=alone)))
             self._emit(Notification(f"slot {alone.upper()} is shown alone: the GPU has no memory for both"))
             return
-        # The last picture stays, at whatever size.
+        # The last picture stays, whatever its size.
         self._undrawable = session.scene, session.packs, view
 
     def _notify_problems(self, frame: FrameResult, light_problem: str) -> None:
-        """Notify, once, of what is shown coarser than it should be, and of another environment than the one that was asked for."""
+        """Notify once of each problem: tiles or mips that are too coarse, and an environment that cannot be used."""
         problems = {light_problem} - {""}
         if any(counts.out_of_memory for counts in frame.tiles.values()):
             problems.add(

@@ -135,12 +135,12 @@ def test_only_the_changed_group_is_uploaded_and_the_rest_is_kept(
     assert latents > 0
     assert sum(written) == upload.uploaded == latents + others
     unchanged = int(np.delete(memory.latents, MEMBERS).sum())
-    assert unchanged < upload.kept < unchanged + memory.parts["decoders"]
+    assert unchanged < upload.unchanged < unchanged + memory.parts["decoders"]
     # A frame says the same.
     renderer.update_pack("p", old)
     frame = draw(renderer)
     assert frame.upload == upload
-    assert frame.skipped["pack_bytes_kept"] == upload.kept
+    assert frame.skipped["pack_bytes_kept"] == upload.unchanged
     renderer.release()
 
 

@@ -1,4 +1,4 @@
-"""Samples of views with BLEND surfaces: the mean of several is shown."""
+"""Mean of several samples of a view with BLEND surfaces (docs/explanation/filtering.md#blend-surfaces)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,45 +15,45 @@ from viewer.state.view_state import Slot
 
 @dataclass(frozen=True)
 class BlendInputs:
-    """Inputs of the samples of a slot. The slot's own picture, which is the first of them, is read by its version."""
+    """Inputs of the mean of a slot. The first sample is the slot's picture; its content is read by its version."""
 
     slot: Slot
-    own: ColorTarget
-    """Target of the slot's own picture."""
+    first: ColorTarget
+    """Target with the first sample."""
     view: VisibilityInputs
     materials: ShownMaterials
 
 
 @dataclass(eq=False)
 class BlendMean:
-    """Mean of a slot's own picture and further ones, for which BLEND surfaces are drawn against other patterns of thresholds."""
+    """Mean of the first and further samples. Each draws BLEND surfaces against another pattern of thresholds."""
 
     size: tuple[int, int]
     samples: int = 1
     target: ColorTarget | None = None
-    """Target of the mean; without meaning while there is one sample."""
+    """Target of the mean; unused while there is one sample."""
 
 
 SampleDrawer = Callable[[BlendInputs, int], ColorTarget | None]
-"""Function that draws a further sample, by its number; None where it cannot be drawn whole."""
+"""Function that draws the sample of a number; returns None if it stays incomplete."""
 
 
 class BlendSamplesPass(RenderPass[BlendInputs, BlendMean]):
     """Pass that adds a sample to the mean of a slot with each frame of a view at rest, until there are SAMPLES."""
 
     name = "blend_samples"
-    """Name of the time of all passes of further samples."""
+    """Name for the time of all passes that draw further samples."""
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory, draw_sample: SampleDrawer) -> None:
         self._context, self._programs, self._draw_sample = context, programs, draw_sample
         self._accumulator: Accumulator | None = None
         self.given_up: VisibilityInputs | None = None
-        """View whose samples could not be drawn: all its slots stay with their first sample."""
+        """View whose further samples could not be drawn; all its slots show their first sample."""
 
     def advance(self, inputs: BlendInputs, target: BlendMean, step: Step) -> Progress:
-        """Add the next sample, or where the picture is to be whole all that are missing. A view that moves is shown one sample.
+        """Add the next sample, or all missing ones for a whole picture. A moving view shows one sample.
 
-        Where memory is short, all slots stay with their first sample while the view is the same. Raises ShaderError.
+        If memory runs out, all slots show their first sample until the view changes. Raises ShaderError.
         """
         is_new = not step.is_same_view or step.is_stale
         if is_new:
@@ -70,7 +70,7 @@ class BlendSamplesPass(RenderPass[BlendInputs, BlendMean]):
         return Progress(pending=(Pending("samples", left, SAMPLES),) if left else ())
 
     def _add(self, inputs: BlendInputs, target: BlendMean) -> bool:
-        """Add a sample to the mean; return False where it cannot be drawn whole. Raises GpuMemoryError, ShaderError."""
+        """Add a sample to the mean; return False if it stays incomplete. Raises GpuMemoryError, ShaderError."""
         sampled = self._draw_sample(inputs, target.samples)
         if sampled is None:
             return False
@@ -79,14 +79,14 @@ class BlendSamplesPass(RenderPass[BlendInputs, BlendMean]):
         accumulator = self._accumulator = self._accumulator or Accumulator(self._context, self._programs)
         sample = accumulator.sample(target.size)
         if target.samples == 1:
-            target.target.copy_from(inputs.own)
+            target.target.copy_from(inputs.first)
         sample.copy_from(sampled)
         accumulator.run(target.samples, target.target)
         target.samples += 1
         return True
 
     def release(self) -> None:
-        """Free the last sample; means belong to their targets."""
+        """Free the target of the last sample; means belong to their PictureTargets."""
         if self._accumulator is not None:
             self._accumulator.release()
             self._accumulator = None

@@ -1,4 +1,4 @@
-"""Composite: slots A and B, or their difference, as the 8-bit sRGB picture that is shown, with overlays."""
+"""Composite pass: slots A and B, or their difference, with overlays, as the final 8-bit sRGB picture."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,17 +18,20 @@ from viewer.state.compare_layout import CompareLayout
 from viewer.state.view_state import WHOLE, CompareMode, Difference, DifferenceKind, PaletteName, Zoom, palette_colors
 
 DIMMED = 0.18
-"""Factor of the light of textures that are not highlighted."""
+"""Brightness factor of textures that are not highlighted."""
 NO_COLOR = -1.0
 
 
 class TextureMarks:
-    """Two numbers for each texture, and first for surfaces without one: place on the palette (-1: no colour), and light, 0 to 1."""
+    """Buffer of two numbers for each texture: position on the palette (-1: no colour), and brightness, 0 to 1.
+
+    Entry 0 is for surfaces without a texture.
+    """
 
     def __init__(
         self, context: GraphicsContext, shares: NDArray[np.float32] | None, lit: Sequence[int], textures: int
     ) -> None:
-        """Take `shares` [textures] of the palette (NaN: no colour; None: no colours), and ids of textures that keep their light."""
+        """Take palette positions `shares` [textures] (NaN: no colour; None: none at all), and the ids of highlighted textures."""
         marks = np.empty((textures + 1, 2), "<f4")
         marks[:, 0] = NO_COLOR
         if shares is not None:
@@ -39,7 +42,7 @@ class TextureMarks:
         self._buffer = context.memory.buffer("marks of the textures", marks.tobytes())
 
     def bind(self) -> None:
-        """Bind to its storage binding, which it shares with the decoder tables: every pass binds its own first."""
+        """Bind to the storage binding of decoder tables. No pass reads both."""
         self._context.bind_storage(self._buffer, int(StorageBinding.DECODERS))
 
     def release(self) -> None:
@@ -50,7 +53,7 @@ class TextureMarks:
 LEAST_LIGHT = 0.01
 """Smallest divisor of a relative difference, in linear light."""
 SCRATCH = (8, 8)
-"""Width and height in pixels of the picture that is drawn to compile a program."""
+"""Width and height in pixels of the picture that `prepare` draws to compile a program."""
 COMPARISONS: tuple[tuple[CompareMode, DifferenceKind], ...] = (
     ("a", "raw"),
     ("b", "raw"),
@@ -59,12 +62,12 @@ COMPARISONS: tuple[tuple[CompareMode, DifferenceKind], ...] = (
     ("difference", "relative"),
     ("difference", "flip"),
 )
-"""Ways to compare, one for each program of the composite."""
+"""Comparison modes, one for each program of the composite."""
 FLIP_PALETTE: PaletteName = "viridis"
 
 
 class CompositeTarget:
-    """RGBA8 of one picture size (width, height); sRGB-coded numbers in a plain texture, row 0 at the bottom."""
+    """RGBA8 target of one picture size (width, height): sRGB-coded numbers in a linear format, row 0 at the bottom."""
 
     def __init__(self, context: GraphicsContext, size: tuple[int, int]) -> None:
         self.size = size
@@ -83,13 +86,13 @@ class CompositeTarget:
 
 @dataclass(frozen=True)
 class HeatmapOverlay:
-    """Decoders per block, as a heat map over the picture."""
+    """Heat map of the decoders per block, over the picture."""
 
     maps: DivergenceTarget
     first: int
-    """Number of the map for the slot that is shown alone, or left of the divider."""
+    """Index of the map for a single slot, or for the slot left of the divider."""
     second: int
-    """Number of the map for the slot right of the divider."""
+    """Index of the map for the slot right of the divider."""
     most: int
     """Number of decoders at the far end of the palette."""
     opacity: float
@@ -124,7 +127,7 @@ class DifferenceParams:
 
     difference: Difference
     flip_map: moderngl.Texture | None = None
-    """R32F of the picture's size, row 0 at the bottom: for kind `flip`, None while it is not known."""
+    """FLIP map for kind `flip`: R32F of the picture's size, row 0 at the bottom; None until it is computed."""
 
     @property
     def variant(self) -> int:
@@ -143,7 +146,7 @@ class DifferenceParams:
 
 @dataclass(frozen=True)
 class CompositeParams:
-    """Settings of the composite. Without `layout` and `difference` the first slot is shown alone."""
+    """Settings of the composite. Without `layout` and `difference`, only the first slot is shown."""
 
     layout: CompareLayout | None = None
     difference: DifferenceParams | None = None
@@ -164,7 +167,7 @@ class CompositeParams:
 
 
 CompositeVariant = tuple[tuple[tuple[str, int], ...], tuple[str, str]]
-"""A program of the composite: defines, and types of both pictures' textures, for which drivers may compile it anew."""
+"""Key of a compiled program: its defines, and both pictures' texel types, because drivers may compile for each."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +176,7 @@ class CompositeInputs:
 
     first: ColorTarget
     second: ColorTarget
-    """Picture of the second slot; the first again where one slot fills the picture, and not read then."""
+    """Picture of the second slot; equals `first`, and is not read, if one slot fills the picture."""
     params: CompositeParams
 
     @property
@@ -206,7 +209,7 @@ class CompositePass(RenderPass[CompositeInputs, CompositeTarget]):
         self._scratch = CompositeTarget(context, SCRATCH)
 
     def prepare(self, inputs: CompositeInputs) -> bool:
-        """Compile the program for `inputs` by drawing a few pixels to a scratch picture; return False where it is known."""
+        """Compile the program for `inputs` by drawing a few pixels; return False if it is compiled already."""
         if inputs.variant in self._drawn:
             return False
         self.run(inputs, self._scratch)

@@ -1,4 +1,10 @@
-"""Culling: the draw list of what a camera may see. On the GPU, three compute shaders cull clusters and write the draw commands."""
+"""Culling pass: the draw list of the clusters that a camera may see.
+
+For large scenes, three compute shaders cull on the GPU and write the draw commands. `test` tests each cluster of the items (up to 64
+clusters of one instance) and counts runs of visible neighbours; a run becomes one command. `scan` gives each item the place of its
+first command, by a prefix sum over the items of a bucket. `write` writes the commands there. The CPU never reads their number: draws
+take it from a buffer. The tests are explained in viewer/render/resources/culling.py and shaders/passes/cull_clusters.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -39,24 +45,24 @@ ALL_TESTS = ClusterTest.FRUSTUM | ClusterTest.CONE | ClusterTest.SIZE
 
 @dataclass(frozen=True)
 class ClusterView:
-    """View whose clusters are culled."""
+    """View to cull clusters for."""
 
     camera: Camera
     size: tuple[int, int]
-    """(width, height) of the picture in pixels: clusters between the centres of pixels are left out."""
+    """(width, height) of the picture in pixels. Clusters that cover no pixel centre are culled."""
     matrix: NDArray[np.float64]
     """[4, 4] float64, world to clip."""
 
 
 def cluster_programs(programs: ProgramFactory, padded: bool) -> tuple[moderngl.ComputeShader, ...]:
-    """Return the programs of the three steps; `padded`: further commands are emptied: the CPU draws as many as there may be."""
-    own = programs.with_generated({"generated/clusters.glsl": cluster_layout_glsl()})
-    test, write = (own.compute(f"{FOLDER}/{name}.comp") for name in ("test", "write"))
-    return test, own.compute(f"{FOLDER}/scan.comp", {"PADDED": int(padded)}), write
+    """Return the programs `test`, `scan` and `write`. `padded`: empty the unused commands, because the CPU draws all of them."""
+    cluster_factory = programs.with_generated({"generated/clusters.glsl": cluster_layout_glsl()})
+    test, write = (cluster_factory.compute(f"{FOLDER}/{name}.comp") for name in ("test", "write"))
+    return test, cluster_factory.compute(f"{FOLDER}/scan.comp", {"PADDED": int(padded)}), write
 
 
 class ClusterCulling:
-    """Clusters of a scene on the GPU, and the commands of the last view."""
+    """Culling on the GPU: clusters of a scene, and the draw commands of the last view."""
 
     def __init__(
         self,
@@ -66,7 +72,7 @@ class ClusterCulling:
         culling: Culling,
         tests: int | None = None,
     ) -> None:
-        """Upload the clusters. `tests`: bits of ClusterTest, ALL_TESTS unless given; with 0 all is drawn. Raises GpuMemoryError."""
+        """Upload the clusters. `tests`: bits of ClusterTest (None: ALL_TESTS); 0 draws everything. Raises GpuMemoryError."""
         self._context, self._memory, self._culling = context, context.memory, culling
         self._tests = ALL_TESTS if tests is None else tests
         self._draws = IndirectDraws(context)
@@ -85,14 +91,14 @@ class ClusterCulling:
             )
             self._commands = self._memory.buffer(self._what, reserve=COMMAND_BYTES)
         self._back = ReadBack[int](context, f"counts of the {self._what}")
-        self._told = DrawCounts(0, 0, 0, 0)
+        self._counts_read = DrawCounts(0, 0, 0, 0)
         self._is_new = False
 
     def _records(self) -> NDArray[np.uint8]:
         clusters = self._culling.clusters
         records = np.zeros(len(clusters.cutoff), CLUSTER_RECORD)
         records["centre"][:, :3], records["extent"][:, :3] = clusters.centre, clusters.half
-        # Rounded to float32 the box must still hold its triangles.
+        # The box grows by the rounding to float32, so it still contains its triangles.
         lost = np.abs(clusters.centre - records["centre"][:, :3]) + np.spacing(np.abs(records["extent"][:, :3]))
         records["extent"][:, :3] += lost.astype(np.float32)
         records["axis"][:, :3], records["axis"][:, 3] = clusters.axis, clusters.cutoff
@@ -100,7 +106,7 @@ class ClusterCulling:
         return records.view(np.uint8)
 
     def draw_list(self, view: ClusterView) -> GpuDrawList:
-        """Return what `view` may see, in the place of the list before. Raises GpuMemoryError."""
+        """Return the draw list of `view`; it overwrites the previous list. Raises GpuMemoryError."""
         work = self.instances.items(view.camera, view.matrix, all_instances=not self._tests)
         self.item_count = len(work.items)
         ranges = tuple(
@@ -113,7 +119,7 @@ class ClusterCulling:
         if self._is_new:
             self._back.copy([(self._buckets, BUCKET_RECORD.itemsize * len(ranges))], len(ranges))
         else:
-            self._told = self._counts(b"")
+            self._counts_read = self._counts(b"")
         return GpuDrawList(ranges, work.materials, self._commands, self._buckets, self._draws)
 
     def _run(self, view: ClusterView, items: NDArray[np.void], buckets: NDArray[np.void], capacity: int) -> None:
@@ -143,13 +149,13 @@ class ClusterCulling:
         self._context.gl.memory_barrier()
 
     def counts(self, waits: bool) -> DrawCounts:
-        """Return the counts of the last list; unless this `waits`, of one before where the GPU has not come so far."""
+        """Return the counts of the last list. Without `waits`, those of an earlier list until the GPU has finished the last."""
         if self._is_new:
             arrived = self._back.arrived(waits)
             if arrived is not None:
-                self._told = self._counts(arrived[0])
+                self._counts_read = self._counts(arrived[0])
                 self._is_new = self._back.is_pending
-        return self._told
+        return self._counts_read
 
     def _counts(self, content: bytes) -> DrawCounts:
         records = np.frombuffer(content, BUCKET_RECORD)
@@ -160,7 +166,7 @@ class ClusterCulling:
         return DrawCounts(whole.clusters - clusters, whole.triangles - triangles, triangles, commands)
 
     def items(self, count: int) -> NDArray[np.void]:
-        """Return [count] ITEM_RECORD of the last list as the GPU left them: reads them back, which drawing never does."""
+        """Return the items of the last list as the GPU has written them, [count] ITEM_RECORD. Waits; for tests."""
         return np.frombuffer(self._items.read(count * ITEM_RECORD.itemsize), ITEM_RECORD)
 
     def release(self) -> None:
@@ -172,7 +178,7 @@ class ClusterCulling:
 
 @dataclass(frozen=True)
 class CameraView:
-    """Camera and picture size that are culled for."""
+    """Camera and picture size to cull for."""
 
     camera: Camera
     size: tuple[int, int]
@@ -181,18 +187,18 @@ class CameraView:
 
 @dataclass(eq=False)
 class Culled:
-    """Part of the scene that the scene buffers draw."""
+    """Visible part of the scene, as the scene buffers draw it."""
 
     scene: CulledScene | None = None
     """Draw list and its view; None before the first view."""
     materials: tuple[int, ...] = ()
-    """Materials that may be seen, ascending."""
+    """Materials that may be visible, ascending."""
     textures: Mapping[Plane, tuple[int, ...]] = field(default_factory=dict)
-    """Textures that may be seen, ascending, by plane of maps."""
+    """Textures that may be visible, ascending, by plane of maps."""
 
 
 class CullPass(RenderPass[CameraView, Culled]):
-    """Input: a camera's view. Output: the draw list in the scene buffers."""
+    """Pass that culls. Input: a camera's view. Output: the draw list in the scene buffers."""
 
     name = "cull"
 
@@ -204,18 +210,18 @@ class CullPass(RenderPass[CameraView, Culled]):
         }
 
     def run(self, inputs: CameraView, target: Culled) -> None:
-        """Find what may be seen, and upload its draw list. Raises GpuMemoryError."""
+        """Cull, and upload the draw list. Raises GpuMemoryError."""
         matrix = view_projection(inputs.camera, inputs.size, self._posed.bounds)
         draw_list = self.draw_list(inputs, matrix)
         self._buffers.upload(draw_list)
         target.scene = CulledScene(inputs.camera, inputs.size, matrix, draw_list)
         materials = np.nonzero(draw_list.materials)[0]
-        found = {plane: np.unique(texture[materials]) for plane, texture in self._texture_of_material.items()}
+        textures = {plane: np.unique(texture[materials]) for plane, texture in self._texture_of_material.items()}
         target.materials = tuple(materials.tolist())
-        target.textures = {plane: tuple(own[own >= 0].tolist()) for plane, own in found.items()}
+        target.textures = {plane: tuple(ids[ids >= 0].tolist()) for plane, ids in textures.items()}
 
     def draw_list(self, view: CameraView, matrix: NDArray[np.float64]) -> AnyDrawList:
-        """Return what may be seen with `matrix`, world to clip."""
+        """Return the draw list of `view`; `matrix` is its world-to-clip matrix."""
         if self._clusters is None:
             return self._posed.culling.draw_list(view.camera, matrix)
         return self._clusters.draw_list(ClusterView(view.camera, view.size, matrix))

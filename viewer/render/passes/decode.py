@@ -24,20 +24,20 @@ BIN_PIXEL_BYTES = 4
 
 
 class DecodePass(RenderPass[VisibilityInputs, ColorTarget], ABC):
-    """Pass that decodes one pack. Inputs: visibility buffer, materials, the pack's buffers. Output: a plane of the whole picture."""
+    """Pass that decodes one pack. Inputs: visibility buffer, materials, the pack's buffers. Output: one plane of the picture."""
 
     name: str
-    """Name of the decode path after `decode_`."""
+    """Name of the pass: `decode_` and the path."""
 
     def __init__(
         self, context: GraphicsContext, buffers: PackBuffers, reading: PlaneReading, texel_filter: TexelFilter
     ) -> None:
-        """Take the pack in `buffers`, and the defines of the shaders that decode it with a filter."""
+        """Take the pack in `buffers`, and the settings of its shaders."""
         self._gl, self._buffers = context.gl, buffers
         self._defines = {**reading.defines(), **buffers.defines, "FILTER_STOCHASTIC": int(texel_filter == "stochastic")}
 
     def _bind(self, program: moderngl.Program | moderngl.ComputeShader, inputs: VisibilityInputs) -> None:
-        """Bind the view and the pack for `program`, which decodes."""
+        """Bind the view and the pack, and set the uniforms of the decoding `program`."""
         inputs.bind()
         self._buffers.bind()
         set_uniforms(program, {"network_blocks": self._buffers.network_blocks, "sample_number": inputs.sample})
@@ -46,33 +46,33 @@ class DecodePass(RenderPass[VisibilityInputs, ColorTarget], ABC):
     def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
         """Decode every visible pixel once."""
 
-    def run_all(self, wanted: Sequence[tuple[VisibilityInputs, ColorTarget]]) -> None:
-        """Decode every visible pixel once for each of these targets: planes of one view."""
-        for inputs, target in wanted:
+    def run_all(self, parts: Sequence[tuple[VisibilityInputs, ColorTarget]]) -> None:
+        """Decode every visible pixel once for each of these planes of one view."""
+        for inputs, target in parts:
             self.run(inputs, target)
 
-    def advance_all(self, wanted: Sequence[tuple[VisibilityInputs, ColorTarget, Step]]) -> list[Progress]:
-        """As `run_all`: all are complete at once."""
-        self.run_all([(inputs, target) for inputs, target, _ in wanted])
-        return [Progress()] * len(wanted)
+    def advance_all(self, parts: Sequence[tuple[VisibilityInputs, ColorTarget, Step]]) -> list[Progress]:
+        """Do `run_all`; all planes are complete afterwards."""
+        self.run_all([(inputs, target) for inputs, target, _ in parts])
+        return [Progress()] * len(parts)
 
-    def own_buffers(self) -> Sequence[moderngl.Buffer]:
-        """Return the GPU buffers that belong to this pass alone."""
+    def private_buffers(self) -> Sequence[moderngl.Buffer]:
+        """Return the GPU buffers that only this pass uses."""
         return ()
 
     @property
     def bytes_on_gpu(self) -> int:
-        """Number of bytes of the pass's own buffers."""
-        return sum(buffer.size for buffer in self.own_buffers())
+        """Number of bytes of `private_buffers`."""
+        return sum(buffer.size for buffer in self.private_buffers())
 
     def release(self) -> None:
-        """Free the pass's own buffers."""
-        for buffer in self.own_buffers():
+        """Free `private_buffers`."""
+        for buffer in self.private_buffers():
             buffer.release()
 
 
 class DecodeForwardPass(DecodePass):
-    """Pass of path `forward`: draws the draw list of the visibility buffer again, with its matrix."""
+    """Pass of path `forward`. It draws the visibility buffer's draw list again, with the same matrix."""
 
     name = "decode_forward"
 
@@ -90,7 +90,7 @@ class DecodeForwardPass(DecodePass):
         self._program = programs.program("common/scene.vert", "passes/decode_forward/decode.frag", self._defines)
 
     def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
-        """Decode in the fragments that lie at the visible depth."""
+        """Decode in those fragments whose depth equals the visibility buffer's."""
         gl = self._gl
         framebuffer = target.framebuffer_with_depth(inputs.visibility.depth)
         try:
@@ -109,9 +109,9 @@ class DecodeForwardPass(DecodePass):
 
 
 class DecodeDeferredPass(DecodePass):
-    """Pass of path `deferred`. Where all textures share one decoder (`shared_decoder`), an invocation decodes several pixels.
+    """Pass of path `deferred`. If all textures share one decoder (`shared_decoder`), an invocation decodes several pixels.
 
-    `ranges` may be None where they have not.
+    `ranges` may be None if they do not.
     """
 
     name = "decode_deferred"
@@ -128,7 +128,7 @@ class DecodeDeferredPass(DecodePass):
     ) -> None:
         super().__init__(context, buffers, reading, texel_filter)
         self._shared_decoder = shared_decoder
-        # Where codes are decoded together, one decoder for all makes no difference.
+        # Work groups that decode codes together gain nothing from a single decoder.
         self._ranges = ranges if shared_decoder is not None and not buffers.decodes_together else None
         name, defines = "decode", self._defines
         if self._ranges is not None:
@@ -147,7 +147,7 @@ class DecodeDeferredPass(DecodePass):
 
 
 class DecodePlanesPass(DecodePass):
-    """Pass of path `deferred` where work groups decode codes: of several planes at once, the codes of the same texels once."""
+    """Pass of path `deferred` for work groups that decode codes together. Planes that share codes decode them once."""
 
     name = "decode_deferred"
 
@@ -160,7 +160,7 @@ class DecodePlanesPass(DecodePass):
         plane_pass: Callable[[Plane], DecodePass],
         texel_filter: TexelFilter = "exact",
     ) -> None:
-        """Take `reading` of several planes; `plane_pass` returns the pass of a single one."""
+        """Take `reading` for several planes; `plane_pass` makes the pass of a single plane."""
         super().__init__(context, buffers, reading, texel_filter)
         self._programs, self._plane_pass = programs, plane_pass
         self._passes: dict[Plane, DecodePass] = {}
@@ -171,16 +171,16 @@ class DecodePlanesPass(DecodePass):
             self._passes[inputs.plane] = self._plane_pass(inputs.plane)
         self._passes[inputs.plane].run(inputs, target)
 
-    def run_all(self, wanted: Sequence[tuple[VisibilityInputs, ColorTarget]]) -> None:
+    def run_all(self, parts: Sequence[tuple[VisibilityInputs, ColorTarget]]) -> None:
         """Decode planes of the whole picture."""
-        if len(wanted) == 1:
-            self.run(*wanted[0])
+        if len(parts) == 1:
+            self.run(*parts[0])
             return
         program = self._programs.compute("passes/decode_deferred/decode_planes.comp", self._defines)
-        inputs, size = wanted[0][0], wanted[0][1].size
+        inputs, size = parts[0][0], parts[0][1].size
         self._bind(program, inputs)
-        numbers = [PLANES.index(inputs.plane) for inputs, _ in wanted]
-        for number, (_, target) in zip(numbers, wanted, strict=True):
+        numbers = [PLANES.index(inputs.plane) for inputs, _ in parts]
+        for number, (_, target) in zip(numbers, parts, strict=True):
             target.texture.bind_to_image(int(ImageUnit.PLANES) + number, read=False, write=True)
         set_uniforms(program, {"planes": sum(1 << number for number in numbers)})
         program.run(*(-(-side // GROUP_SIDE) for side in size))
@@ -188,12 +188,17 @@ class DecodePlanesPass(DecodePass):
 
     def release(self) -> None:
         """Free the passes of single planes."""
-        for own in self._passes.values():
-            own.release()
+        for plane_pass in self._passes.values():
+            plane_pass.release()
 
 
 class DecodeBinnedPass(DecodePass):
-    """Pass of path `binned`: count, scan and scatter fill the bins; each decoder that may be visible has an indirect dispatch."""
+    """Pass of path `binned`. Three shaders sort the pixels by decoder (a counting sort), one dispatch decodes each bin.
+
+    `count` counts the pixels of each decoder, `scan` adds up the counts to the first place of each bin, `scatter` writes the pixels
+    there. All pixels of a dispatch share a decoder, so its weights are bound as a uniform buffer and no work group diverges. The GPU
+    reads the size of a dispatch from the bin, so the CPU never waits (docs/explanation/decode-paths.md#binned).
+    """
 
     name = "decode_binned"
 
@@ -241,16 +246,16 @@ class DecodeBinnedPass(DecodePass):
             self._decode.run_indirect(self._bins, decoder * BIN_RECORD.itemsize)
         self._gl.memory_barrier()
 
-    def own_buffers(self) -> Sequence[moderngl.Buffer]:
-        """Return the bins and the list of pixels."""
+    def private_buffers(self) -> Sequence[moderngl.Buffer]:
+        """Return the buffers of bins and of sorted pixels."""
         return self._bins, self._pixels
 
 
 class DecodeSampledPass(RenderPass[VisibilityInputs, ColorTarget]):
-    """Pass of a path with the stochastic filter: draws the mean of up to SAMPLES samples of one texel a pixel, of each plane."""
+    """Pass of a path with the stochastic filter: draws the mean of up to SAMPLES samples, each of one texel a pixel."""
 
     def __init__(self, decode: DecodePass, accumulate: Callable[[], Accumulator]) -> None:
-        """Take `decode`, a pass with the stochastic filter, which belongs to this one; `accumulate` makes what adds up a plane."""
+        """Take `decode`, which draws one sample and is freed with this pass. `accumulate` makes an Accumulator for a plane."""
         self.name = decode.name
         self._decode, self._accumulate = decode, accumulate
         self._means: dict[Plane, Accumulator] = {}
@@ -259,33 +264,33 @@ class DecodeSampledPass(RenderPass[VisibilityInputs, ColorTarget]):
     @property
     def bytes_on_gpu(self) -> int:
         """Number of bytes of the pass's buffers and the last samples."""
-        return self._decode.bytes_on_gpu + sum(own.bytes_on_gpu for own in self._means.values())
+        return self._decode.bytes_on_gpu + sum(mean.bytes_on_gpu for mean in self._means.values())
 
-    def advance_all(self, wanted: Sequence[tuple[VisibilityInputs, ColorTarget, Step]]) -> list[Progress]:
-        """Draw the next sample of each of these planes of one view, or where the picture is to be whole all that are missing.
+    def advance_all(self, parts: Sequence[tuple[VisibilityInputs, ColorTarget, Step]]) -> list[Progress]:
+        """Draw the next sample of each of these planes of one view, or all missing ones for a whole picture.
 
-        BLEND surfaces are averaged elsewhere: for a further sample of theirs one sample is drawn.
+        `BlendSamplesPass` averages BLEND surfaces; for each of its further samples, one sample is drawn here.
         """
-        blend_sample = wanted[0][0].blend_sample
+        blend_sample = parts[0][0].blend_sample
         if blend_sample:
-            self._decode.run_all([(inputs.of_sample(blend_sample), target) for inputs, target, _ in wanted])
-            return [Progress()] * len(wanted)
+            self._decode.run_all([(inputs.of_sample(blend_sample), target) for inputs, target, _ in parts])
+            return [Progress()] * len(parts)
         numbers = []
-        for _, target, step in wanted:
+        for _, target, step in parts:
             before = self._samples.get(target, 0) if step.is_same_view and not step.is_stale else 0
             numbers.append(range(before, SAMPLES if step.budget.is_whole else before + 1))
-        for number in range(min(own.start for own in numbers), max(own.stop for own in numbers)):
+        for number in range(min(samples.start for samples in numbers), max(samples.stop for samples in numbers)):
             drawn = [
                 (inputs.of_sample(number), target)
-                for (inputs, target, _), own in zip(wanted, numbers, strict=True)
-                if number in own
+                for (inputs, target, _), samples in zip(parts, numbers, strict=True)
+                if number in samples
             ]
             self._add(number, drawn)
-        left = [SAMPLES - self._samples[target] for _, target, _ in wanted]
-        return [Progress(pending=(Pending("samples", own, SAMPLES),) if own else ()) for own in left]
+        left = [SAMPLES - self._samples[target] for _, target, _ in parts]
+        return [Progress(pending=(Pending("samples", samples, SAMPLES),) if samples else ()) for samples in left]
 
     def _add(self, number: int, drawn: Sequence[tuple[VisibilityInputs, ColorTarget]]) -> None:
-        """Draw sample `number` of these planes, and add it to the mean of those before."""
+        """Draw sample `number` of these planes, and add it to their means."""
         if number == 0:
             self._decode.run_all(drawn)
         else:
@@ -303,7 +308,7 @@ class DecodeSampledPass(RenderPass[VisibilityInputs, ColorTarget]):
         return self._means[plane]
 
     def release(self) -> None:
-        """Free the pass and the last samples."""
+        """Free the decode pass and the last samples."""
         self._decode.release()
         for mean in self._means.values():
             mean.release()

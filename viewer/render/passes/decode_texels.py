@@ -23,7 +23,7 @@ TEXELS_AT_ONCE = 1 << 18
 
 
 class GlTexelDecoder:
-    """Decoder of single texels in GLSL: the twin of `ntc.codec.reference` for one pack."""
+    """Decoder of single texels of one pack in GLSL, the twin of `ntc.codec.reference`."""
 
     def __init__(
         self,
@@ -35,8 +35,8 @@ class GlTexelDecoder:
         rescale: bool = True,
         variant: DecoderVariant | None = None,
     ) -> None:
-        """Upload the pack. `programs` has the includes of every scene, where several packs share them; `rescale` and `variant` as
-        for the PackBuffers."""
+        """Upload the pack. `programs`: factory that several decoders share (None: a new one). `rescale` and `variant` are
+        those of PackBuffers."""
         self._context, self.reset = context, context.reset
         self._gl: moderngl.Context = context.gl
         self._memory = context.memory
@@ -51,7 +51,7 @@ class GlTexelDecoder:
     def decode_texels(
         self, texture_index: int, uv: NDArray[Any], lod: NDArray[Any], wrap: tuple[WrapMode, WrapMode] | None = None
     ) -> NDArray[np.float32]:
-        """Return [N, channels] float32 in [0, 1] of all maps at `uv` [N, 2] and `lod` [N]; `wrap` None: the texture's own modes."""
+        """Return [N, channels] float32 in [0, 1] of all maps at `uv` [N, 2] and `lod` [N]. `wrap` None: the texture's modes."""
         texture = self._pack.textures[texture_index]
         modes = texture.wrap if wrap is None else wrap
         code = texture_index * 16 + WRAP_CODES[modes[0]] * 4 + WRAP_CODES[modes[1]]

@@ -1,4 +1,4 @@
-"""The divergence pass: distinct decoders of each block, from the visibility buffer and texture -> decoder tables."""
+"""Divergence pass: counts the distinct decoders of each block, from the visibility buffer and texture -> decoder tables."""
 
 from dataclasses import dataclass
 
@@ -40,7 +40,7 @@ class DivergencePass(RenderPass[DivergenceInputs, DivergenceTarget]):
         inputs.tables.bind()
         target.counted_by = self._stage
         if self._stage == "compute":
-            # Not clear(), which maps the buffer and waits.
+            # clear() would map the buffer and wait.
             target.histogram.write(bytes(target.histogram.size))
             target.histogram.bind_to_storage_buffer(int(StorageBinding.RESULTS))
             target.texture.bind_to_image(int(ImageUnit.DIVERGENCE), read=False, write=True)

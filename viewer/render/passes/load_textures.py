@@ -1,4 +1,4 @@
-"""The GPU's work of path `on-load`: mips are decoded into an atlas of tiles, compressed, and kept in arrays that samplers read."""
+"""GPU work of path `on-load`: decodes mips into an atlas of tiles, compresses them, and stores them in texture arrays."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
@@ -31,9 +31,9 @@ from viewer.render.resources.tile_cache.tiles import LAYER_PAGES, finest_levels
 from viewer.render.resources.visibility_buffer import PlaneReading
 
 PLACE = np.dtype([(name, "<i4") for name in ("array", "layer", "components", "finest")])
-"""Place of a material's texture: array (-1: none) and layer, a bit for each component that it holds, and the finest mip there."""
+"""Place of a material's texture: array (-1: none), layer, a bit for each stored component, and the finest compressed mip."""
 BATCH_TILES = LAYER_PAGES
-"""Most tiles of a batch, unless a piece has more."""
+"""Most tiles of a batch, unless a single piece has more."""
 WHAT = "path on-load"
 
 
@@ -42,40 +42,40 @@ class LoadCounts:
     """State of the textures of path `on-load`."""
 
     textures: int
-    """Number of compressed textures, those under way included."""
+    """Number of compressed textures, including unfinished ones."""
     left_out: int
     """Number of textures that no view has needed so far."""
     mips_left_out: int
-    """Number of mips that are not compressed: of those textures, and those that later frames add."""
+    """Number of mips that are not compressed: those of `left_out`, and those that later frames add."""
     texels: int
     """Number of texels compressed so far, all mips and planes."""
     waiting: int
-    """Number of texels that are still to be compressed for the last view."""
+    """Number of texels that the last view still lacks."""
     bytes: int
     """Size of all arrays in bytes."""
     milliseconds: float
     """Time in ms of decoding and compressing so far."""
     squared_error: float
-    """Sum of the squared errors of compression, in steps of 1/255; as far as it is known, where frames do not wait."""
+    """Sum of the squared errors of compression, in steps of 1/255. It may be older than `texels` if frames do not wait."""
     components: int
-    """Number of component values that `squared_error` is of."""
+    """Number of component values that `squared_error` sums up."""
     coarse_latents: bool
-    """True where mips were decoded from coarser latents than they need, for want of room."""
+    """True if mips were decoded from coarser latents than they need, because finer ones did not fit into the budget."""
 
     @property
     def texels_per_second(self) -> float:
-        """Texels decoded and compressed in a second; 0 before the first."""
+        """Rate of decoding and compressing, in texels per second; 0 before the first."""
         return 1e3 * self.texels / self.milliseconds if self.milliseconds > 0.0 else 0.0
 
     @property
     def psnr_db(self) -> float | None:
-        """PSNR in dB of the compressed texels against the decoded ones in 8 bits, all mips; None before the first or without loss."""
+        """PSNR in dB of compressed against decoded 8-bit texels, all mips; None before the first, or without loss."""
         if self.squared_error <= 0.0 or not self.components:
             return None
         return float(10.0 * np.log10(255.0**2 * self.components / self.squared_error))
 
     def figures(self) -> dict[str, float | int | None]:
-        """Return the figures for reports."""
+        """Return the counts and rates for reports, by name."""
         return {
             "textures": self.textures,
             "texels": self.texels,
@@ -87,14 +87,14 @@ class LoadCounts:
         }
 
     def plus(self, other: "LoadCounts") -> "LoadCounts":
-        """Return the counts of both together."""
-        sums = {own.name: getattr(self, own.name) + getattr(other, own.name) for own in fields(self)}
+        """Return the sums of both counts."""
+        sums = {each.name: getattr(self, each.name) + getattr(other, each.name) for each in fields(self)}
         return LoadCounts(**sums | {"coarse_latents": self.coarse_latents or other.coarse_latents})
 
 
 @dataclass(frozen=True, eq=False)
 class LoadedArray:
-    """Textures of one size and sampler: an array for each stored part."""
+    """Textures of one size and sampler: one texture array for each stored part."""
 
     parts: tuple[BlockArray, ...]
 
@@ -115,10 +115,10 @@ class LoadedArray:
 
 
 class LoadedTextures(RenderPass[Sequence[int], object]):
-    """Pass that keeps the textures of one plane of a pack compressed on the GPU that the visible materials need.
+    """Pass that compresses the textures of visible materials on the GPU, for one plane of a pack.
 
-    All mips, the coarse ones first, as many in a frame as its time allows. Textures whose latents or decoder have changed are
-    compressed again, and shown as they were until then. ReferencePass draws them.
+    It compresses all mips, coarse ones first, as many in a frame as its time budget allows. Textures whose latents or decoder have
+    changed are compressed again; the old version is shown until then. ReferencePass draws them.
     """
 
     name = "compress"
@@ -150,16 +150,16 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
         self.arrays: dict[int, tuple[ImageArrayPlan, LoadedArray]] = {}
         """Texture arrays that shaders sample, by number."""
         self._finest: dict[LoadedKey, int] = {}
-        """Finest mip of each texture from which on all are there."""
+        """Finest mip of each texture such that it and all coarser ones are compressed."""
         self._pieces: dict[LoadedKey, list[MipRows]] = {}
-        """Pieces that are still to be compressed."""
+        """Pieces that are not compressed yet, by texture."""
         self._places = np.zeros(max(1, plan.materials), PLACE)
         self._tile_ms: float | None = None
         self._texels = self._values = 0
         self._milliseconds = 0.0
         self._waiting = 0
         self._measured = 0.0, 0
-        """Squared error as it was read last, and the number of values that it is of."""
+        """Squared error at the last reading, and its number of values."""
         self._coarse: set[LoadedKey] = set()
         with context.memory.transaction():
             memory = context.memory
@@ -190,7 +190,7 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
         )
 
     def measure(self) -> None:
-        """Read the error of compression, for `counts`. Waits for the GPU."""
+        """Read the compression error that `counts` reports. Waits for the GPU."""
         if self._measured[1] != self._values:
             error = total_errors(np.frombuffer(self._errors.read(), np.uint32).reshape(-1, 2)).sum()
             self._measured = float(error), self._values
@@ -202,9 +202,9 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
 
     @property
     def bytes_on_gpu(self) -> int:
-        """Number of bytes of textures, atlas and tables."""
-        own = (self._tiles, self._entries, self._blocks, self._errors, self._material_places)
-        return self.texture_bytes + self._atlas.bytes_on_gpu + sum(buffer.size for buffer in own)
+        """Number of bytes of textures, tile atlas and tables."""
+        tables = (self._tiles, self._entries, self._blocks, self._errors, self._material_places)
+        return self.texture_bytes + self._atlas.bytes_on_gpu + sum(buffer.size for buffer in tables)
 
     def bind(self) -> None:
         """Bind the places of the materials' textures for the shader that samples them."""
@@ -215,9 +215,9 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
         return sorted({self._plan.places[key][0] for key in self._plan.wanted(visible_materials)})
 
     def advance(self, visible_materials: Sequence[int], _target: object, step: Step) -> Progress:
-        """Decode and compress what these materials need and is not there, a frame's share of it, or all for a whole picture.
+        """Decode and compress the missing textures of these materials: a frame's share, or all for a whole picture.
 
-        Of a texture that is not there yet all mips of one tile are compressed at once. Raises GpuMemoryError.
+        For a new texture, all mips of a single tile are compressed at once. Raises GpuMemoryError.
         """
         wanted = self._plan.wanted(visible_materials)
         for key in wanted:
@@ -236,14 +236,14 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
         return Progress(bool(done), (Pending("loads", left, len(wanted)),) if left else ())
 
     def _free_working_memory(self) -> None:
-        """Free what only compressing needs, for an engine would."""
+        """Free the memory that only compressing needs, as an engine would after loading."""
         self._atlas.release()
         if self._blocks.size > 16:
             self._blocks.release()
             self._blocks = self._context.memory.buffer(WHAT, reserve=16)
 
     def _order(self, piece: MipRows) -> tuple[int, int]:
-        """Return the key by which pieces are sorted: those of small mips first."""
+        """Return the sort key of a piece: small mips first."""
         level = self._plan.levels[piece.key.texture][piece.level]
         return level.texel_width * level.texel_height, piece.top
 
@@ -267,15 +267,15 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
     def _make_array(self, number: int) -> None:
         if number in self.arrays:
             return
-        own, memory = self._plan.arrays[number], self._context.memory
+        plan, memory = self._plan.arrays[number], self._context.memory
         key = next(key for key, place in self._plan.places.items() if place[0] == number)
         levels, srgb = len(self._plan.levels[key.texture]), self._plane != "surface"
         with memory.transaction():
             parts = tuple(
                 BlockArray(
                     self._context,
-                    own.size,
-                    own.layers,
+                    plan.size,
+                    plan.layers,
                     levels,
                     part.block_format,
                     srgb and part.block_format == "bc7",
@@ -283,12 +283,12 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
                 )
                 for part in self._plan.parts
             )
-        self.arrays[number] = own, LoadedArray(parts)
+        self.arrays[number] = plan, LoadedArray(parts)
 
     def _compress(self, pieces: Sequence[MipRows]) -> None:
         batch: list[MipRows] = []
         for piece in pieces:
-            if batch and sum(own.tiles for own in batch) + piece.tiles > BATCH_TILES:
+            if batch and sum(each.tiles for each in batch) + piece.tiles > BATCH_TILES:
                 self._compress_batch(batch)
                 batch = []
             batch.append(piece)
@@ -296,8 +296,8 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
         for piece in pieces:
             left = self._pieces[piece.key]
             left.remove(piece)
-            # Coarse mips come first: all beyond the first piece that is left are there.
-            finest = 1 + max((own.level for own in left), default=-1)
+            # Coarse mips come first, so all mips coarser than the remaining pieces are done.
+            finest = 1 + max((each.level for each in left), default=-1)
             self._finest[piece.key] = min(self._finest[piece.key], finest)
         self._write_places()
 
@@ -319,9 +319,9 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
         records = np.zeros(count, TILE_RECORD)
         start = 0
         for piece in batch:
-            own = records[start : start + piece.tiles]
-            own["texture_id"], own["level"] = piece.key.texture, piece.level
-            own["tile_x"], own["tile_y"] = tile_grid(piece)
+            piece_records = records[start : start + piece.tiles]
+            piece_records["texture_id"], piece_records["level"] = piece.key.texture, piece.level
+            piece_records["tile_x"], piece_records["tile_y"] = tile_grid(piece)
             start += piece.tiles
         records["page"] = records["entry"] = np.arange(count)
         self._buffers.ensure_resident(finest_levels(records))
@@ -373,7 +373,7 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
         self._values += sum(piece.texels * min(3, len(part.components)) for piece in batch for part in parts)
 
     def mark_stale(self, textures: Collection[int]) -> None:
-        """Compress these scene textures anew, whose latents or decoder have changed; they are shown as they are until then."""
+        """Compress these scene textures again, because latents or decoders changed; the old version stays until then."""
         for key in self._finest:
             if key.texture in textures:
                 self._pieces[key] = self._plan.pieces(key)
@@ -390,8 +390,8 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
 
     def release(self) -> None:
         """Free everything."""
-        own: list[moderngl.Buffer | TileAtlas | LoadedArray] = [array for _, array in self.arrays.values()]
-        own += [self._atlas, self._tiles, self._entries, self._blocks, self._errors, self._material_places]
-        for part in own:
+        buffers: list[moderngl.Buffer | TileAtlas | LoadedArray] = [array for _, array in self.arrays.values()]
+        buffers += [self._atlas, self._tiles, self._entries, self._blocks, self._errors, self._material_places]
+        for part in buffers:
             part.release()
         self.arrays.clear()

@@ -1,4 +1,4 @@
-"""Moves the vertices that morph targets and skins move to where they stand at a moment, in the buffers that are drawn."""
+"""Morph targets and skinning on the GPU: writes the vertices of a pose into the scene's vertex buffers."""
 
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
@@ -22,7 +22,7 @@ FOLDER = "passes/pose_vertices"
 POSE_GROUP = 64
 """Number of vertices of a work group."""
 REST_FLOATS = 10
-"""Number of floats of a vertex: position, normal, tangent with its sign."""
+"""Number of floats of a vertex at rest: position, normal, tangent with its sign."""
 TARGET_FLOATS = 9
 """Number of floats of a vertex in a morph target: offsets of position, normal and tangent."""
 JOINT_FLOATS = 12
@@ -30,7 +30,7 @@ JOINT_FLOATS = 12
 
 
 class PoseBinding(IntEnum):
-    """Bindings of storage buffers, in place of others that this program does not read."""
+    """Storage bindings of this program. It reads none of the usual buffers, so the numbers overlap."""
 
     REST = 0
     TARGETS = 1
@@ -56,7 +56,7 @@ def pose_program(programs: ProgramFactory) -> moderngl.ComputeShader:
 
 
 class _Uploaded(NamedTuple):
-    """Buffers of one primitive's vertices that move."""
+    """Buffers of the moving vertices of one primitive."""
 
     rest: moderngl.Buffer
     targets: moderngl.Buffer
@@ -67,7 +67,7 @@ class _Uploaded(NamedTuple):
 
 
 def rest_floats(part: MovingVertices) -> NDArray[np.float32]:
-    """Return [V, REST_FLOATS]; zero for what the primitive lacks."""
+    """Return the vertices at rest [V, REST_FLOATS]; absent attributes are 0."""
     frames, rows = part.frames, np.zeros((len(part.frames.positions), REST_FLOATS), np.float32)
     rows[:, :3] = frames.positions
     if frames.normals is not None:
@@ -88,7 +88,7 @@ def target_floats(part: MovingVertices) -> NDArray[np.float32]:
 
 
 def influence_words(part: MovingVertices) -> NDArray[np.uint32]:
-    """Return [V, influences, 2]: number of a joint, and the bits of its weight in float32."""
+    """Return the influences of joints [V, influences, 2]: joint number, and the bits of its float32 weight."""
     if part.influences is None:
         return np.zeros((len(part.frames.positions), 0, 2), np.uint32)
     weights = part.influences.weights.astype(np.float32)
@@ -96,9 +96,9 @@ def influence_words(part: MovingVertices) -> NDArray[np.uint32]:
 
 
 class VertexMover:
-    """Moves vertices: from deformations by node to positions, normals and tangents in the scene's vertex buffers.
+    """Deformation of vertices: writes positions, normals and tangents of a pose into the scene's vertex buffers.
 
-    Where nothing computes, `MovingVertices.at` does on the CPU what the shader does in float32.
+    Without compute shaders, `MovingVertices.at` computes on the CPU what the shader computes in float32.
     """
 
     def __init__(
@@ -107,10 +107,10 @@ class VertexMover:
         self._context, self._memory, self._buffers, self._parts = context, context.memory, buffers, tuple(parts)
         self._program = pose_program(programs) if context.features.compute and parts else None
         self._uploaded: dict[int, _Uploaded] = {}
-        """Buffers by number in `parts`, from the first pose on."""
+        """Buffers by index in `parts`, made at the first pose."""
 
     def run(self, deformations: Mapping[int, Deformation]) -> None:
-        """Move all vertices. Raises GpuMemoryError."""
+        """Write the vertices for these deformations, given by node. Raises GpuMemoryError."""
         for number, part in enumerate(self._parts):
             deformation = deformations[part.node]
             if self._program is None:
@@ -140,19 +140,19 @@ class VertexMover:
         return self._uploaded[number]
 
     def _compute(
-        self, program: moderngl.ComputeShader, part: MovingVertices, own: _Uploaded, deformation: Deformation
+        self, program: moderngl.ComputeShader, part: MovingVertices, buffers: _Uploaded, deformation: Deformation
     ) -> None:
         weights = np.zeros(len(part.targets), np.float32)
         given = np.array(deformation.weights[: len(weights)], np.float32)
         weights[: len(given)] = given
-        matrices = np.zeros((own.joints, 3, 4), np.float32)
+        matrices = np.zeros((buffers.joints, 3, 4), np.float32)
         if deformation.joints is not None:
             matrices[:] = deformation.joints[:, :3]
         content = np.concatenate([matrices.reshape(-1), weights])
         if len(content):
-            own.pose.orphan()
-            own.pose.write(content.tobytes())
-        bound = (own.rest, own.targets, own.influences, own.pose, *self._buffers.moving_buffers())
+            buffers.pose.orphan()
+            buffers.pose.write(content.tobytes())
+        bound = (buffers.rest, buffers.targets, buffers.influences, buffers.pose, *self._buffers.moving_buffers())
         for binding, buffer in zip(PoseBinding, bound, strict=True):
             buffer.bind_to_storage_buffer(int(binding))
         count = len(part.frames.positions)
@@ -164,7 +164,7 @@ class VertexMover:
                 "vertex_floats": self._buffers.vertex_floats,
                 "target_count": len(part.targets),
                 "influence_count": 0 if part.influences is None else part.influences.joints.shape[1],
-                "joint_count": own.joints,
+                "joint_count": buffers.joints,
                 "has_normals": part.frames.normals is not None,
                 "has_tangents": part.frames.tangents is not None,
             },
@@ -173,27 +173,27 @@ class VertexMover:
 
     def release(self) -> None:
         """Free what has been uploaded."""
-        for own in self._uploaded.values():
-            for buffer in own[:4]:
+        for buffers in self._uploaded.values():
+            for buffer in buffers[:4]:
                 buffer.release()
         self._uploaded = {}
 
 
 class PosePass(RenderPass[Pose | None, PosedScene]):
-    """Input: a pose of the scene. Output: instances and vertices on the GPU, and the PosedScene."""
+    """Pass that poses the scene. Input: a pose. Output: instances and vertices on the GPU, and the PosedScene."""
 
     name = "pose"
 
     def __init__(
         self, motion: Motion, scene: Scene, buffers: SceneBuffers, vertices: VertexMover, clusters: Clusters
     ) -> None:
-        """Take the `clusters` of the scene as it was read."""
+        """Take the `clusters` of the scene in the pose of the file."""
         self._motion, self._scene, self._buffers, self._vertices = motion, scene, buffers, vertices
         self._clusters = clusters
 
     def run(self, inputs: Pose | None, target: PosedScene) -> None:
         """Move instances and vertices. Raises GpuMemoryError, and InputError for a pose of an unknown animation."""
-        stand = self._motion.at(inputs)
-        self._buffers.place_instances(stand.instances.transform)
-        self._vertices.run(stand.deformations)
-        target.culling, target.bounds = Culling(self._scene, self._clusters, stand), stand.bounds
+        moved = self._motion.at(inputs)
+        self._buffers.place_instances(moved.instances.transform)
+        self._vertices.run(moved.deformations)
+        target.culling, target.bounds = Culling(self._scene, self._clusters, moved), moved.bounds

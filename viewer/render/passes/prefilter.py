@@ -1,4 +1,4 @@
-"""Prefiltering of an environment for the shading pass."""
+"""Prefilter pass: convolves an environment for each roughness (shaders/passes/prefilter, docs/explanation/lighting.md#light)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,18 +18,18 @@ from viewer.render.resources.layout import TextureUnit, UniformBinding
 from viewer.render.resources.light import EnvironmentMaps
 
 VERSION = 2
-"""Version of prefiltered environments in the cache: changes with what the shaders write."""
+"""Version of cached environments. Increase it when the shaders write something else."""
 
 
 @dataclass(frozen=True)
 class PrefilterInputs:
-    """Inputs of the prefilter. Equal keys stand for equal panoramas."""
+    """Inputs of the prefilter. Equal keys mean equal panoramas."""
 
     key: str
     panorama: NDArray[np.float32] = field(compare=False)
     """[H, 2 H, 3] linear radiance."""
     is_cached: bool = field(default=False, compare=False)
-    """True where the result is kept on disk, and found there: for panoramas, whose key is the digest of their content."""
+    """True if the disk cache stores the result: for panoramas, whose key is the digest of their content."""
 
 
 @dataclass(eq=False)
@@ -38,21 +38,21 @@ class _Filtering:
 
     key: str
     irradiance: Job[NDArray[np.float32]]
-    """[side + 2, 6, side + 2, 4] float32: takes seconds, in a thread."""
+    """Irradiance map [side + 2, 6, side + 2, 4] float32; takes seconds, in a thread."""
     level: int = 0
-    """Number of the next map to be written."""
+    """Number of the next map to write."""
 
 
 class PrefilterPass(RenderPass[PrefilterInputs, EnvironmentMaps]):
     """Pass that prefilters an environment. Inputs: a panorama. Output: EnvironmentMaps of the panorama's size.
 
-    Those of a file come in parts where frames do not wait: one map a frame. The sky follows the sun, and is small: it comes at once.
+    If frames do not wait, a panorama takes one frame for each map. The sky is small and follows the sun, so it is filtered at once.
     """
 
     name = "prefilter"
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory, cache: ContentCache | None = None) -> None:
-        """Take `cache`, which keeps prefiltered panoramas; None: nothing is kept."""
+        """Take the disk cache of prefiltered panoramas; None: no cache."""
         self._context, self._cache = context, cache or ContentCache(None)
         self._mean = programs.fullscreen("passes/prefilter/source.frag")
         self._convolution = programs.fullscreen("passes/prefilter/convolve.frag")
@@ -98,7 +98,7 @@ class PrefilterPass(RenderPass[PrefilterInputs, EnvironmentMaps]):
         return self._source
 
     def _draw_source(self, output: EnvironmentMaps) -> None:
-        """Write the octahedral map, with its mips, that all others are made from."""
+        """Write the octahedral map with its mips, from which all others are filtered."""
         size = output.size
         source = self._source_of(size.source_side)
         output.panorama.use(int(TextureUnit.PANORAMA))
@@ -139,7 +139,7 @@ class PrefilterPass(RenderPass[PrefilterInputs, EnvironmentMaps]):
             framebuffer.release()
 
     def release(self) -> None:
-        """Free what is used in between."""
+        """Free the intermediate textures and buffers."""
         for part in (self._source, self._samples):
             if part is not None:
                 part.release()

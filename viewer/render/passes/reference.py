@@ -1,8 +1,8 @@
-"""The reference path: original images, or others in their place, filtered by the hardware over the same visibility buffer.
+"""Reference pass: images, filtered by the hardware over the visibility buffer. They are the originals or compressed versions.
 
-Path `on-load` draws what it has compressed by the same pass.
+Path `on-load` draws its compressed textures with the same pass.
 
-Each plane of maps (`ntc.codec.maps`) has arrays of its own, in the format that is filtered as its maps are: sRGB or linear.
+Each plane of maps (`ntc.codec.maps`) has separate texture arrays, in an sRGB or a linear format as its maps need.
 """
 
 import math
@@ -31,19 +31,19 @@ from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceConte
 from viewer.state.view_state import REFERENCE
 
 MipsOf = Callable[[int], Sequence[NDArray[np.uint8]]]
-"""Function: texture id -> every mip down to 1x1 texel, as `plane_mips` returns them."""
+"""Function: texture id -> all mips down to 1x1 texel, as `plane_mips` returns them."""
 DEFAULT_READING = PlaneReading()
 MOST_AHEAD = 2 * (os.cpu_count() or 1)
-"""Most images that are read before they are uploaded."""
-SECONDS_BETWEEN_NEWS = 0.25
-"""Time in seconds between showing new images: each time the whole plane is drawn again."""
+"""Most images in CPU memory that wait for their upload."""
+SECONDS_BETWEEN_UPDATES = 0.25
+"""Time in seconds between two updates that show new images, because each draws the whole plane again."""
 
 
 class ImageUploads(RenderPass[Sequence[int], object]):
-    """Pass that keeps the images of one source and plane on the GPU that the visible materials need.
+    """Pass that uploads the images of visible materials, for one source and plane.
 
-    All of them, uploaded when a material that may be visible first needs them; or where that would take too much memory those in
-    sight, which are read in threads beside the frames unless frames wait.
+    Uploaded images stay. If all images exceed the budget, only those in sight stay, and threads read them in the background unless
+    frames wait.
     """
 
     name = "upload"
@@ -55,7 +55,7 @@ class ImageUploads(RenderPass[Sequence[int], object]):
     def __init__(
         self, context: GraphicsContext, places: ImagePlaces, mips: MipsOf, write_places: Callable[[], None], srgb: bool
     ) -> None:
-        """Take `mips`, which returns images by texture id, in threads, and `write_places`, which hands changed places to shaders."""
+        """Take `mips`, which threads call, and `write_places`, which uploads changed places for shaders."""
         self._context, self._srgb = context, srgb
         self._mips, self._places, self._write_places = mips, places, write_places
         self.arrays: dict[int, tuple[ImageArrayPlan, ImageArray]] = {}
@@ -64,39 +64,39 @@ class ImageUploads(RenderPass[Sequence[int], object]):
         self._pool: ThreadPoolExecutor | None = None
         self._coming: dict[ImageContent, Future[Sequence[NDArray[np.uint8]]]] = {}
         self._arrived: list[ImagePlace] = []
-        """Places whose image is uploaded and not shown yet."""
-        self._news_at = -math.inf
+        """Places whose image is uploaded but not shown yet."""
+        self._shown_at = -math.inf
         self._shown = -1
-        """Version of the places when a change was last reported."""
+        """Version of the places at the last reported change."""
 
     @property
     def images_not_uploaded(self) -> int:
-        """Number of images that no frame has needed so far, or that are not there any more."""
+        """Number of images that are not on the GPU: no frame has needed them, or others took their place."""
         return self._places.images - len(self._uploaded)
 
     @property
     def places(self) -> Output:
-        """Output that changes with the places of images, which all sources that are shown as images share."""
+        """Output whose version changes with the places of images. All image sources share the places."""
         return Output(self._places.version)
 
     def bind(self) -> None:
-        """Bind nothing: materials tell the places of their images."""
+        """Bind nothing, because the material records hold the places of images."""
 
     def arrays_of(self, visible_materials: Sequence[int]) -> list[int]:
         """Return the numbers of the arrays that hold the images of these materials, ascending."""
         return sorted({place.array for place in self._places.of(visible_materials)})
 
     def advance(self, visible_materials: Sequence[int], _target: object, step: Step) -> Progress:
-        """Upload the images of these materials that are not on the GPU yet, with their mip chains, into the arrays here.
+        """Upload the missing images of these materials with all mips.
 
-        Where images are bounded, and this is not to be the whole picture, those that have been read so far.
+        If a budget bounds the images, and the picture need not be whole, only those that threads have read are uploaded.
 
-        Where there is no memory the others are freed. If that is not enough, GpuMemoryError is raised: smaller images would be no
-        reference.
+        If memory runs out, images out of sight are freed. If that is not enough, GpuMemoryError is raised, because smaller images
+        would be no reference.
         """
         whole, before = step.budget.waits, len(self._uploaded)
         self._places.want(visible_materials)
-        self._forget_what_is_gone()
+        self._drop_stale()
         wanted = self._places.of(visible_materials)
         try:
             self._upload(wanted)
@@ -114,16 +114,16 @@ class ImageUploads(RenderPass[Sequence[int], object]):
         left = len(self._places.pending)
         return Progress(has_changed, (Pending("images", left, self._places.in_sight),) if left else ())
 
-    def _forget_what_is_gone(self) -> None:
+    def _drop_stale(self) -> None:
         for array in [array for array, (plan, _) in self.arrays.items() if self._places.plans.get(array) is not plan]:
             self._drop(array)
         content = self._places.content
-        self._uploaded = {place: own for place, own in self._uploaded.items() if content.get(place) == own}
+        self._uploaded = {place: image for place, image in self._uploaded.items() if content.get(place) == image}
         self._arrived = [place for place in self._arrived if place in self._uploaded]
 
     def _drop(self, array: int) -> None:
         self.arrays.pop(array)[1].release()
-        self._uploaded = {place: own for place, own in self._uploaded.items() if place.array != array}
+        self._uploaded = {place: image for place, image in self._uploaded.items() if place.array != array}
 
     def _mips_of(self, content: ImageContent) -> Sequence[NDArray[np.uint8]]:
         return self._mips(content.texture)[content.level :]
@@ -133,11 +133,11 @@ class ImageUploads(RenderPass[Sequence[int], object]):
         return self._pool
 
     def _upload(self, wanted: Iterable[ImagePlace]) -> None:
-        """Upload what is not there, waiting for it."""
+        """Upload the missing images of `wanted`; waits for the threads that read them."""
         content = self._places.content
         fresh = sorted((place for place in wanted if place not in self._uploaded), key=lambda p: (p.array, p.layer))
         for start in range(0, len(fresh), MOST_AHEAD):
-            # A few at a time: their pixels take memory until they are uploaded.
+            # A few at a time, because their pixels take memory until they are uploaded.
             part = fresh[start : start + MOST_AHEAD]
             chains = self._threads().map(self._mips_of, [content[place] for place in part])
             for place, chain in zip(part, chains, strict=True):
@@ -156,7 +156,7 @@ class ImageUploads(RenderPass[Sequence[int], object]):
         self._uploaded[place] = self._places.content[place]
 
     def _upload_coming(self, whole: bool) -> None:
-        """Upload pending images: all, or those that threads have read by now."""
+        """Upload pending images: all, or those that threads have read so far."""
         pending = self._places.pending
         if whole:
             self._upload(pending)
@@ -166,23 +166,23 @@ class ImageUploads(RenderPass[Sequence[int], object]):
         if not self._arrived:
             return
         now = time.monotonic()
-        if whole or len(self._arrived) == len(pending) or now - self._news_at >= SECONDS_BETWEEN_NEWS:
+        if whole or len(self._arrived) == len(pending) or now - self._shown_at >= SECONDS_BETWEEN_UPDATES:
             self._places.arrived(self._arrived)
-            self._arrived, self._news_at = [], now
-            self._forget_what_is_gone()
+            self._arrived, self._shown_at = [], now
+            self._drop_stale()
             self._write_places()
 
     def _read_ahead(self, pending: Mapping[ImagePlace, ImageContent]) -> None:
         for gone in self._coming.keys() - set(pending.values()):
             self._coming.pop(gone).cancel()
-        for place, own in pending.items():
+        for place, content in pending.items():
             if place in self._uploaded:
                 continue
-            if own in self._coming and self._coming[own].done():
-                self._write(place, self._coming.pop(own).result())
+            if content in self._coming and self._coming[content].done():
+                self._write(place, self._coming.pop(content).result())
                 self._arrived.append(place)
-            elif own not in self._coming and len(self._coming) < MOST_AHEAD:
-                self._coming[own] = self._threads().submit(self._mips_of, own)
+            elif content not in self._coming and len(self._coming) < MOST_AHEAD:
+                self._coming[content] = self._threads().submit(self._mips_of, content)
 
     def release(self) -> None:
         """Free the images."""
@@ -193,10 +193,10 @@ class ImageUploads(RenderPass[Sequence[int], object]):
 
 
 class SampledArray(Protocol):
-    """Texture array that shaders sample."""
+    """Texture array that shaders can sample."""
 
     def use(self, unit: int, /) -> None:
-        """Bind it from a texture unit on."""
+        """Bind the array to texture units from `unit` on."""
 
 
 class SampledImages(Protocol):
@@ -218,7 +218,7 @@ class SampledImages(Protocol):
         """Return the numbers of the arrays that hold the images of these materials, ascending."""
 
     def bind(self) -> None:
-        """Bind what the shader reads besides arrays and materials."""
+        """Bind the buffers that the shader reads besides arrays and materials."""
 
     def release(self) -> None:
         """Free the images."""
@@ -228,7 +228,12 @@ Images = TypeVar("Images", bound=SampledImages)
 
 
 class ReferencePass(RenderPass[VisibilityInputs, ColorTarget], Generic[Images]):
-    """Pass that shows images. Inputs: visibility buffer, materials, images. Output: one plane of the materials' maps."""
+    """Pass that draws images. Inputs: visibility buffer, materials, images. Output: one plane of the materials' maps.
+
+    OpenGL 4.3 cannot choose among texture arrays by a number that differs from pixel to pixel. So each array is drawn once, over the
+    whole picture. The first drawing writes the number of each pixel's array as its depth; the depth test then admits exactly the
+    pixels of the array that is drawn.
+    """
 
     def __init__(
         self,
@@ -258,7 +263,7 @@ class ReferencePass(RenderPass[VisibilityInputs, ColorTarget], Generic[Images]):
         visibility, anisotropy = inputs.visibility, inputs.anisotropy
         gl = self._context.gl
         arrays = self.uploads.arrays_of(inputs.visible_materials)
-        # One array, the common case, needs no depth to tell pixels apart.
+        # A single array, the common case, needs no depth.
         sorts = len(arrays) > 1
         framebuffer = target.framebuffer_with_depth(self._depth_texture(target.size)) if sorts else target.framebuffer
         try:

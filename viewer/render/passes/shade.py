@@ -1,4 +1,4 @@
-"""Shading: the picture of a slot from its maps, lit, or one of the maps as it is stored."""
+"""Shading pass: the picture of a slot from its maps, either lit or one of the maps without light."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.maps import PLANES, MapName, Plane
-from viewer.gl.allocation import repicking
+from viewer.gl.allocation import replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.lighting.sky import SUN_RADIUS
@@ -26,36 +26,36 @@ TONE_MAP_CODES: Final[dict[ToneMap, int]] = {"none": 0, "neutral": 1, "agx": 2}
 
 
 PlaneTargets = Mapping[Plane, ColorTarget]
-"""Decoded planes of one picture (ntc/codec/maps.py), without those that nothing reads, or that the view does not need."""
+"""Decoded planes of one picture (ntc/codec/maps.py). Planes that the view does not need are absent."""
 
 
 @dataclass(frozen=True)
 class ShadeInputs:
-    """Inputs of the shading. Equal inputs give equal pictures of the same planes and maps of light."""
+    """Inputs of the shading pass. The contents of planes and light maps are read by version."""
 
     view: VisibilityInputs
-    """Visibility buffer, with frames where `material_view` is lit."""
+    """Visibility buffer, with normals and tangents if `material_view` is `lit`."""
     planes: PlaneTargets
     material_view: MaterialView
-    """View of the maps; any but `base`, whose picture is its plane."""
+    """View of the maps: any but `base`, which needs no shading."""
     light: SceneLight | None = None
     """Light of a `lit` view; None for others."""
     other: PlaneTargets | None = None
-    """Planes of the same view from another source, for mixtures."""
+    """Planes of the same view from another source, if a slot shows single maps of a pack."""
     other_maps: frozenset[MapName] = frozenset()
     """Maps that are taken from `other`; the rest are taken from `planes`."""
 
 
 @dataclass(frozen=True, eq=False)
 class ViewRays:
-    """Rays through pixels, from a world-to-clip matrix; all places are relative to `eye`."""
+    """Rays through the pixels of a view; all positions are relative to `eye`."""
 
     eye: NDArray[np.float64]
-    """[3] world space: the viewer's place, or for parallel rays any."""
+    """[3] world space: the camera's position; any point for parallel rays."""
     from_clip: NDArray[np.float64]
-    """[4, 4] clip space to places relative to the eye."""
+    """[4, 4] clip space to positions relative to the eye."""
     middle: NDArray[np.float64]
-    """[3] direction through the picture's middle, of any length."""
+    """[3] direction through the centre of the picture, of any length."""
     right: NDArray[np.float64]
     """[3] vector that is added to `middle` at the right edge."""
     up: NDArray[np.float64]
@@ -63,7 +63,7 @@ class ViewRays:
 
 
 def view_rays(matrix: NDArray[np.float64]) -> ViewRays:
-    """Return the rays of `matrix` [4, 4]."""
+    """Return the rays of a view with the world-to-clip `matrix` [4, 4]."""
     inverse = np.linalg.inv(matrix)
     apex = inverse[:, 2]
     has_apex = abs(apex[3]) > 1e-9 * float(np.linalg.norm(apex[:3]))
@@ -89,9 +89,9 @@ def _matrix_bytes(matrix: NDArray[np.float64]) -> bytes:
 
 
 class ShadePass(RenderPass[ShadeInputs, ColorTarget]):
-    """Pass that makes a picture. Output: a ColorTarget, linear light in [0, 1].
+    """Pass that shades a picture. Output: a ColorTarget, linear light in [0, 1].
 
-    Alpha is 1 where a surface is seen; elsewhere is the environment, or black."""
+    Alpha is 1 where a surface is visible. Other pixels show the environment, or black."""
 
     name = "shade"
 
@@ -100,7 +100,7 @@ class ShadePass(RenderPass[ShadeInputs, ColorTarget]):
         self._lights: moderngl.Buffer | None = None
 
     def run(self, inputs: ShadeInputs, output: ColorTarget) -> None:
-        """Draw the picture. Raises ValueError where a lit view lacks light, frames or base colours, ShaderError."""
+        """Draw the picture. Raises ValueError if a lit view lacks light, normals or base colours, ShaderError."""
         defines = self._bind_planes(inputs)
         inputs.view.bind()
         if inputs.material_view == "lit":
@@ -119,7 +119,7 @@ class ShadePass(RenderPass[ShadeInputs, ColorTarget]):
         program.render(moderngl.TRIANGLES, vertices=3)
 
     def _draw_background(self, program: moderngl.VertexArray, depth: moderngl.Texture, output: ColorTarget) -> None:
-        """Draw `program` where nothing has been drawn into `depth`: a test of depth costs less than a branch for every pixel."""
+        """Draw `program` on the background. The depth test selects it, which costs less than a branch in every pixel."""
         gl = self._context.gl
         framebuffer = output.framebuffer_with_depth(depth)
         try:
@@ -166,7 +166,7 @@ class ShadePass(RenderPass[ShadeInputs, ColorTarget]):
         }
         surfaces = self._surfaces(light, rays, {**defines, **tones})
         set_uniforms(surfaces.program, shared)
-        # Shaders read depths, and compare nothing.
+        # Shaders read depths without comparison.
         target.depth.compare_func = ""
         target.depth.use(int(TextureUnit.SURFACE_DEPTH))
         output.framebuffer.use()
@@ -205,13 +205,13 @@ class ShadePass(RenderPass[ShadeInputs, ColorTarget]):
             if self._lights is None:
                 size = MOST_LIGHTS * LIGHT_RECORD.itemsize
                 self._lights = self._context.memory.buffer("lights", reserve=size, dynamic=True)
-            repicking(self._lights, light_records(light.lights, rays.eye).tobytes())
+            replace_content(self._lights, light_records(light.lights, rays.eye).tobytes())
             self._lights.bind_to_uniform_block(int(UniformBinding.LIGHTS))
         set_uniforms(drawn.program, values)
         return drawn
 
     def release(self) -> None:
-        """Free the pass's own buffer."""
+        """Free the buffer of lights."""
         if self._lights is not None:
             self._lights.release()
             self._lights = None

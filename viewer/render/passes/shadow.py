@@ -1,4 +1,4 @@
-"""Drawing of the sun's shadow map."""
+"""Shadow pass: the sun's shadow map."""
 
 from dataclasses import dataclass, field
 
@@ -12,26 +12,26 @@ from viewer.render.resources.light import ShadowMap, ShadowView
 from viewer.render.resources.scene_buffers import SceneBuffers
 
 SLOPE_BIAS = 1.5
-"""Bias of depths in multiples of a triangle's steepest change from texel to texel."""
+"""Slope factor of the depth bias (glPolygonOffset): multiples of a triangle's steepest depth change between texels."""
 CONSTANT_BIAS = 4.0
-"""Bias of depths in smallest steps."""
+"""Constant depth bias (glPolygonOffset), in smallest steps of depth."""
 
 
 @dataclass(frozen=True)
 class ShadowInputs:
-    """Inputs of the shadow map. Equal directions of the sun give equal maps of one pose of a scene."""
+    """Inputs of the shadow map: direction of the sun, pose and coverage."""
 
     direction: tuple[float, float, float]
     pose: int
     """Version of the pose."""
     coverage: int
-    """Version of what textures cover (`SceneBuffers.coverage`)."""
+    """Version of the textures' coverage (`SceneBuffers.coverage`)."""
     view: ShadowView = field(compare=False)
     draw_list: DrawList = field(compare=False)
 
 
 class ShadowPass(RenderPass[ShadowInputs, ShadowMap]):
-    """Pass that draws the shadow map. Output: the depth of what the sun sees first.
+    """Pass that draws the shadow map. Output: the depth of the surface nearest to the sun.
 
     Single-sided triangles that face away from the sun cast no shadow.
     """
@@ -42,7 +42,7 @@ class ShadowPass(RenderPass[ShadowInputs, ShadowMap]):
         self._gl, self._programs, self._buffers = context.gl, programs, scene_buffers
 
     def run(self, inputs: ShadowInputs, output: ShadowMap) -> None:
-        """Draw the whole map; the scene buffers' own draw list stays."""
+        """Draw the whole map; the scene buffers' draw list is the same afterwards."""
         gl = self._gl
         output.framebuffer.use()
         output.framebuffer.clear(depth=1.0)

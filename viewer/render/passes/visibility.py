@@ -1,4 +1,4 @@
-"""The visibility pass: which surface each pixel shows. All later passes read only this."""
+"""Visibility pass: draws the surface of each pixel. Later passes read only this, never the geometry."""
 
 import moderngl
 
@@ -20,7 +20,7 @@ class VisibilityPass(RenderPass[CulledScene, VisibilityTarget]):
         self._scene_buffers = scene_buffers
 
     def run(self, inputs: CulledScene, output: VisibilityTarget) -> None:
-        """Draw the list that the scene buffers hold."""
+        """Draw the scene buffers' draw list."""
         gl = self._gl
         output.clear()
         gl.enable_only(moderngl.DEPTH_TEST)

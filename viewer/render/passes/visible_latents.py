@@ -1,4 +1,4 @@
-"""Mips of textures that the visible pixels read: what has to be on the GPU."""
+"""Upload of the mips that visible pixels read. A compute shader finds the finest visible mip of each texture."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,24 +19,24 @@ from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityIn
 NOT_VISIBLE = 127
 WHAT = "finest mips in sight"
 """Name of the buffers in error messages."""
-STAND_IN_SIDE = 64
-"""Largest side in texels of the mip that stands in for finer ones while it is not known which are needed."""
+FALLBACK_SIDE = 64
+"""Largest side in texels of the mip that is uploaded while it is unknown which finer ones are needed."""
 
 
 @dataclass(eq=False)
 class VisibleLatents:
-    """Mips that one view needs of the latents of one plane of a pack's maps, as far as they are known."""
+    """Mips of one plane of a pack that a view needs, as far as they are known."""
 
     needed: Mapping[int, int] | None = None
-    """Finest mip by texture; None until the GPU has answered."""
+    """Finest visible mip by texture; None until the GPU has answered."""
     shown: NDArray[np.int32] | None = None
-    """[textures of the view] finest mip that was there when the version of the output changed last."""
+    """[textures of the view] finest mip on the GPU at the last change of the output."""
 
 
 class VisibleLatentsPass(RenderPass[VisibilityInputs, VisibleLatents]):
-    """Pass that keeps the mips on the GPU that the visible pixels of a view read of one plane of a pack's maps.
+    """Pass that uploads the mips of one plane of a pack that the visible pixels read.
 
-    Where frames do not wait, the GPU tells a frame or two later which those are: coarser mips are shown until then.
+    If frames do not wait, the GPU's answer arrives a frame or two later; coarser mips are shown until then.
     """
 
     name = "latents"
@@ -44,13 +44,13 @@ class VisibleLatentsPass(RenderPass[VisibilityInputs, VisibleLatents]):
     def __init__(
         self, context: GraphicsContext, programs: ProgramFactory, buffers: PackBuffers, reading: PlaneReading
     ) -> None:
-        """Serve the plane of `reading`. Without compute shaders, all mips of what may be visible are uploaded."""
+        """Take the plane of `reading`. Without compute shaders, all mips of textures that may be visible are uploaded."""
         self._context, self._programs, self._buffers, self._reading = context, programs, buffers, reading
         self._levels: tuple[moderngl.Buffer, moderngl.Buffer] | None = None
-        """[textures] finest mip that is visible, and the same without any; allocated when first asked for."""
+        """[textures] finest visible mip, and its initial value NOT_VISIBLE; allocated at the first request."""
         self._back = ReadBack[VisibilityInputs](context, WHAT)
         self._coarse = np.array([_first_small(pyramid) for pyramid in buffers.latent_store.pyramids], np.int64)
-        """[textures] mip that stands in for finer ones."""
+        """[textures] mip to show until the answer arrives."""
 
     @property
     def bytes_on_gpu(self) -> int:
@@ -58,7 +58,7 @@ class VisibleLatentsPass(RenderPass[VisibilityInputs, VisibleLatents]):
         return sum(buffer.size for buffer in self._levels or ())
 
     def advance(self, inputs: VisibilityInputs, target: VisibleLatents, step: Step) -> Progress:
-        """Upload what the view needs, as far as is known; all of it where frames wait. Raises GpuMemoryError."""
+        """Upload the mips that the view is known to need; if frames wait, all that it needs. Raises GpuMemoryError."""
         store, decoders = self._buffers.latent_store, self._buffers.decoder_of_texture
         textures = [texture for texture in inputs.textures if decoders[texture] >= 0]
         if not step.is_same_view:
@@ -83,7 +83,7 @@ class VisibleLatentsPass(RenderPass[VisibilityInputs, VisibleLatents]):
         return Progress(self._is_finer(textures, target), pending)
 
     def _is_finer(self, textures: Sequence[int], target: VisibleLatents) -> bool:
-        """Return whether pixels of the view read finer mips than when this was asked last."""
+        """Return whether pixels of the view read finer mips than at the last call."""
         there = self._buffers.latent_store.finest[textures]
         if target.shown is not None:
             levels = dict.fromkeys(textures, 0) if target.needed is None else target.needed
@@ -94,7 +94,7 @@ class VisibleLatentsPass(RenderPass[VisibilityInputs, VisibleLatents]):
         return True
 
     def _ask(self, inputs: VisibilityInputs) -> None:
-        """Find the finest visible mip of each texture; `_take` gets the answer."""
+        """Let the GPU find the finest visible mip of each texture; `_take` receives the answer."""
         program = self._programs.compute("passes/needed_levels/needed_levels.comp", self._reading.defines())
         if self._levels is None:
             none = np.full(max(1, len(self._buffers.decoder_of_texture)), NOT_VISIBLE, np.int32).tobytes()
@@ -111,13 +111,13 @@ class VisibleLatentsPass(RenderPass[VisibilityInputs, VisibleLatents]):
         self._back.copy([(levels, levels.size)], inputs)
 
     def _take(self, inputs: VisibilityInputs, target: VisibleLatents, budget: Budget) -> None:
-        """Upload what the GPU answered last, which may be for a view before."""
-        found = self._back.arrived(budget.waits)
-        if found is None:
+        """Upload the mips of the last answer, which may be for an earlier view."""
+        answer = self._back.arrived(budget.waits)
+        if answer is None:
             return
-        finest = np.frombuffer(found[0], np.int32)
+        finest = np.frombuffer(answer[0], np.int32)
         levels = {int(index): int(finest[index]) for index in np.nonzero(finest < NOT_VISIBLE)[0]}
-        if found[1] == inputs:
+        if answer[1] == inputs:
             target.needed = levels
         else:
             self._buffers.ensure_resident(levels)
@@ -130,6 +130,6 @@ class VisibleLatentsPass(RenderPass[VisibilityInputs, VisibleLatents]):
 
 
 def _first_small(pyramid: Sequence[LatentLevel]) -> int:
-    """Return the finest level of at most STAND_IN_SIDE texels a side, else the coarsest; 0 for none."""
+    """Return the finest level of at most FALLBACK_SIDE texels a side, else the coarsest; 0 for an empty pyramid."""
     sides = [max(level.texel_width, level.texel_height) for level in pyramid]
-    return next((number for number, side in enumerate(sides) if side <= STAND_IN_SIDE), max(0, len(sides) - 1))
+    return next((number for number, side in enumerate(sides) if side <= FALLBACK_SIDE), max(0, len(sides) - 1))

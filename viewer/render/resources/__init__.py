@@ -1,1 +1,1 @@
-"""Resources that passes read and write on the GPU: scene and pack buffers, layout, network, latents, culling."""
+"""GPU resources that passes read and write: scene and pack buffers, latents, targets, tables, and their layout."""

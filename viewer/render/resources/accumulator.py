@@ -1,4 +1,4 @@
-"""The mean of several samples of a plane or a picture, as the stochastic filter and BLEND surfaces give them."""
+"""Mean of several samples of a plane or a picture, for the stochastic filter and BLEND surfaces."""
 
 import moderngl
 
@@ -14,7 +14,7 @@ SAMPLES = 16
 
 
 class Accumulator:
-    """Inputs: the mean of the samples so far, and one more sample. Output: their mean, in place of the one before."""
+    """Accumulator of samples: adds one sample to a mean, in place."""
 
     name = "accumulate"
 
@@ -31,7 +31,7 @@ class Accumulator:
         return self._sample
 
     def run(self, samples_before: int, mean: ColorTarget) -> None:
-        """Add the sample to `mean` of `samples_before` samples, in fp32."""
+        """Add the sample to `mean`, which is that of `samples_before` samples, in fp32."""
         gl = self._context.gl
         mean.framebuffer.use()
         self.sample(mean.size).texture.use(int(TextureUnit.PICTURE_A))

@@ -12,7 +12,7 @@ from viewer.render.resources.layout import TEXEL_GROUP, StorageBinding, TextureU
 
 
 class BlockCompressor:
-    """Compressor of one format: one block in each invocation of a compute shader."""
+    """Compressor of one format. Each invocation of a compute shader compresses one block."""
 
     def __init__(
         self, context: GraphicsContext, programs: ProgramFactory, block_format: GpuBlockFormat, from_tiles: bool
@@ -38,8 +38,8 @@ class BlockCompressor:
     ) -> None:
         """Write the blocks of `size` texels of the array that is bound to TextureUnit.ATLAS, row by row, and add their errors.
 
-        `errors`: [places, 2] uint32: sums of the squared errors of blocks, in steps of 1/255: the low 11 bits of each, and the bits
-        above. `first_component`: of BC5 and BC4. `tiles`: page of the first tile, and tiles in a row. `has_alpha`: of BC7.
+        `errors`: [places, 2] uint32 sums of squared errors of blocks, in steps of 1/255: of their low 11 bits, and of the bits above.
+        `first_component` is for BC5 and BC4, `has_alpha` for BC7. `tiles`: page of the first tile, and number of tiles in a row.
         """
         blocks.bind_to_storage_buffer(int(StorageBinding.RESULTS))
         errors.bind_to_storage_buffer(int(StorageBinding.DECODERS))
@@ -51,12 +51,12 @@ class BlockCompressor:
 
 
 def total_errors(words: NDArray[np.uint32]) -> NDArray[np.float64]:
-    """Return [places] float64 squared errors in steps of 1/255, of sums [places, 2] as `BlockCompressor.run` adds them."""
+    """Return [places] float64 squared errors in steps of 1/255 from the sums [places, 2] of `BlockCompressor.run`."""
     return words[:, 0].astype(np.float64) + 2048.0 * words[:, 1].astype(np.float64)
 
 
 class ImageCompressor:
-    """Compressor of images that the CPU holds, by the same shaders: for exports."""
+    """Compressor of images in CPU memory by the same shaders, for exports."""
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory) -> None:
         self._context, self._programs, self.reset = context, programs, context.reset
@@ -64,9 +64,9 @@ class ImageCompressor:
 
     @checks_context
     def blocks(self, rgba: NDArray[np.uint8], block_format: GpuBlockFormat, first_component: int = 0) -> bytes:
-        """Return the blocks of `rgba` [H, W, 4], those over the edge padded with the last texels.
+        """Return the blocks of `rgba` [H, W, 4]; blocks over the edge are padded with the last texels.
 
-        `first_component`: of BC5 and BC4. Raises GpuMemoryError, ShaderError.
+        `first_component` is for BC5 and BC4. Raises GpuMemoryError, ShaderError.
         """
         if block_format not in self._compressors:
             self._compressors[block_format] = BlockCompressor(self._context, self._programs, block_format, False)

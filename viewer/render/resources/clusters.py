@@ -1,4 +1,4 @@
-"""Clusters of triangles: their bounds, and what Python and GLSL share of them (the include `generated/clusters.glsl`)."""
+"""Clusters of triangles: their bounds, and the records and constants of `generated/clusters.glsl`."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from viewer.render.resources.layout import SCAN_GROUP
 from viewer.scene.model import Geometry, Primitive, Scene
 
 NEVER_BACKFACING = 2.0
-"""Cone cutoff that no angle reaches."""
+"""Cone cutoff of clusters that are never culled as back-facing: no sine reaches it."""
 PIECE_TRIANGLES = 1 << 18
-"""Approximate number of triangles that are bounded at once."""
+"""Approximate number of triangles whose bounds are computed at once."""
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Clusters:
-    """Clusters of a scene's primitives, in order; primitive p owns clusters `first[p]` to `first[p + 1]`."""
+    """Clusters of a scene's primitives, in order. Primitive p has the clusters from `first[p]` to `first[p + 1]`, exclusive."""
 
     first: NDArray[np.int64]
     """[P + 1] number of the first cluster of each primitive."""
@@ -41,16 +41,16 @@ class Clusters:
 
 
 def _corners(geometry: Geometry, primitive: Primitive, before: int, triangles: int) -> tuple[Array, Array, Array]:
-    """Return [3 coordinates, T] of each of the corners of `triangles` triangles of a primitive, after its first `before`."""
+    """Return the three corners, [3 coordinates, T] each, of `triangles` triangles of a primitive from number `before` on."""
     begin = primitive.first_index + 3 * before
     indices = geometry.indices[begin : begin + 3 * triangles].astype(np.int64) + primitive.base_vertex
-    # Coordinate by coordinate: sums and extremes over rows of three take ten times as long.
+    # One row for each coordinate, because reductions over rows of three numbers take ten times as long.
     a, b, c = (np.ascontiguousarray(geometry.positions[indices[corner::3]].T, dtype=np.float64) for corner in range(3))
     return a, b, c
 
 
 def _normals(a: Array, b: Array, c: Array) -> Array:
-    """Return [3, T] normals as long as twice the triangles' areas."""
+    """Return [3, T] normals; the length is twice the triangle's area."""
     u, v = b - a, c - a
     return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
 
@@ -62,7 +62,7 @@ def _cones(normals: Array, starts: NDArray[np.int64]) -> tuple[Array, Array]:
     axis_length = np.sqrt((axis * axis).sum(axis=0))
     axis /= np.maximum(axis_length, 1e-30)
     sizes = np.diff(np.append(starts, normals.shape[1]))
-    # Degenerate triangles are never seen: they must not widen the cone.
+    # Degenerate triangles are never visible, so they must not widen the cone.
     cosines = np.where(lengths > 0.0, (unit * np.repeat(axis, sizes, axis=1)).sum(axis=0), 1.0)
     narrowest = np.minimum.reduceat(cosines, starts)
     has_cone = (narrowest > 1e-3) & (axis_length > 0.0)
@@ -70,7 +70,7 @@ def _cones(normals: Array, starts: NDArray[np.int64]) -> tuple[Array, Array]:
 
 
 def _pieces(primitive: Primitive, size: int) -> Iterator[tuple[int, int]]:
-    """Yield (first triangle, triangles) of runs of whole clusters: a large primitive takes no more memory than a small one."""
+    """Yield (first triangle, number of triangles) of pieces of whole clusters, which bounds the memory for a large primitive."""
     triangles = primitive.index_count // 3
     step = max(1, PIECE_TRIANGLES // size) * size
     for start in range(0, triangles, step):
@@ -78,7 +78,7 @@ def _pieces(primitive: Primitive, size: int) -> Iterator[tuple[int, int]]:
 
 
 def cluster_count(scene: Scene, size: int) -> int:
-    """Return the number of clusters of at most `size` triangles of all instances."""
+    """Return the number of clusters of all instances, with at most `size` triangles each."""
     counts = np.array([max(1, -(-primitive.index_count // (3 * size))) for primitive in scene.primitives], np.int64)
     return int(counts[scene.instances.primitive].sum())
 
@@ -107,23 +107,22 @@ def build_clusters(scene: Scene, size: int) -> Clusters:
 
 
 GPU_CLUSTER_TRIANGLES = 128
-"""Most triangles of a cluster of scenes that are culled on the GPU."""
+"""Most triangles of a cluster for culling on the GPU."""
 ITEM_CLUSTERS = 64
-"""Number of clusters of one instance that a work group tests."""
+"""Most clusters of an item: clusters of one instance that one work group tests."""
 COMMAND_WORDS = COMMAND_BYTES // 4
 """Number of words of a DrawElementsIndirectCommand."""
 ROUNDING = 4e-6
-"""Loss to rounding in float32, here and in the vertex shader, in units of the largest number that is added: 32 times the unit
-roundoff of 2^-23."""
+"""Bound of the rounding error in float32, here and in the vertex shader, relative to the largest summand: 32 times 2^-23."""
 CONE_MARGIN = 1.0 / 64.0
-"""Sine of the angle (about 1 degree) by which a cluster must be turned away: rasterisers move corners to a grid, which may turn
-a small triangle that is seen almost from its edge."""
+"""Sine of the angle (about 1 degree) by which a cluster must face away. Rasterisers snap corners to a grid, which may turn a small
+triangle that is seen nearly edge-on."""
 PIXEL_MARGIN = 1.0 / 8.0
-"""Margin around a cluster's outline in pixels: the coarsest grid that OpenGL allows has steps of 1/16."""
+"""Margin around a cluster's outline in pixels. The coarsest grid that OpenGL allows has steps of 1/16."""
 
 
 class ClusterBinding(IntEnum):
-    """Bindings of storage buffers, in place of others that these programs do not read."""
+    """Storage bindings of the culling programs. They read none of the usual buffers, so the numbers overlap."""
 
     CLUSTERS = 3
     PLACEMENTS = 4
@@ -146,7 +145,8 @@ CLUSTER_RECORD = np.dtype(
         *((name, "<u4") for name in ("first_index", "index_count", "padding_0", "padding_1")),
     ]
 )
-"""A cluster: std430, 64 bytes. Box (centre and half size, local space) and normal cone (axis, and in w the sine of its half angle)."""
+"""Record of a cluster: std430, 64 bytes. Box (centre and half size, local space) and normal cone (axis; in w
+the sine of its half angle)."""
 
 PLACEMENT_RECORD = np.dtype(
     [
@@ -154,7 +154,7 @@ PLACEMENT_RECORD = np.dtype(
         *((name, "<u4") for name in ("base_vertex", "may_face_away", "padding_0", "padding_1")),
     ]
 )
-"""An instance: std430, 64 bytes. Rows of its local-to-world matrix, and whether its clusters can be turned away as a whole."""
+"""Record of an instance: std430, 64 bytes. Rows of its local-to-world matrix, and whether it may be culled as back-facing."""
 
 ITEM_RECORD = np.dtype(
     [
@@ -163,8 +163,8 @@ ITEM_RECORD = np.dtype(
         *((name, "<u4") for name in ("runs", "first_command", "triangles")),
     ]
 )
-"""Up to ITEM_CLUSTERS clusters of one instance: std430, 48 bytes. The eye in the instance's local space; then a bit for each seen
-cluster, how many runs of neighbours those are, the place of the first one's command, and the triangles: the GPU writes these."""
+"""Record of an item, up to ITEM_CLUSTERS clusters of one instance: std430, 48 bytes. `eye`: in the instance's local space. The GPU
+writes the rest: a bit for each visible cluster, number of runs of visible neighbours, place of the first run's command, triangles."""
 
 BUCKET_RECORD = np.dtype(
     [
@@ -172,8 +172,7 @@ BUCKET_RECORD = np.dtype(
         *((name, "<u4") for name in ("commands", "clusters", "triangles", "padding_0")),
     ]
 )
-"""Items that are drawn with the same OpenGL state: std430, 32 bytes. The GPU writes how
-many commands, clusters and triangles there are."""
+"""Record of the items of one bucket: std430, 32 bytes. The GPU writes the numbers of commands, clusters and triangles."""
 
 
 def cluster_layout_glsl() -> str:

@@ -1,4 +1,4 @@
-"""A plane of a slot's maps, or its picture: what decode paths, the reference and the shading pass write."""
+"""Target for a plane of a slot's maps, or for its picture."""
 
 import moderngl
 import numpy as np
@@ -9,9 +9,9 @@ from viewer.gl.read_back import PicturePart
 
 
 class ColorTarget:
-    """RGBA of one picture size (width, height); alpha is 1 where a surface is seen.
+    """RGBA target of one picture size (width, height); alpha is 1 where a surface is visible.
 
-    Half floats carry 8-bit images without loss (an eighth of a step at worst) at half the traffic; decoders write fp32.
+    Images use half floats: half the memory traffic, and an error of at most an eighth of an 8-bit step. Decoders write fp32.
     """
 
     def __init__(self, context: GraphicsContext, size: tuple[int, int], half: bool = False) -> None:
@@ -22,16 +22,16 @@ class ColorTarget:
             self.texture = context.memory.texture(what, size, 4, dtype="f2" if half else "f4")
             self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
             self.framebuffer = context.memory.framebuffer(what, [self.texture])
-        # A software renderer maps fresh memory at its first use: here, not in the first timed pass.
+        # A software renderer maps new memory at its first use, which should not be timed with a pass.
         self.framebuffer.clear()
         self._context = context
         self._with_depth: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
 
     def framebuffer_with_depth(self, depth: moderngl.Texture) -> moderngl.Framebuffer:
-        """Return the framebuffer of this target and a depth texture; made anew only for another texture than at the last call."""
+        """Return the framebuffer of this target with a depth texture; the same object while the depth texture is the same."""
         if self._with_depth is None or self._with_depth[0] is not depth:
             self._release_with_depth()
-            # Has no memory of its own: nothing to check.
+            # A framebuffer takes no memory, so there is nothing to check.
             self._with_depth = depth, self._context.gl.framebuffer([self.texture], depth)
         return self._with_depth[1]
 
@@ -41,8 +41,8 @@ class ColorTarget:
             self._with_depth = None
 
     def copy_from(self, other: "ColorTarget") -> None:
-        """Take over the pixels of a target of the same size, whose floats may be halves."""
-        # Whatever part was drawn last into another target is no limit here.
+        """Copy the pixels of a target of the same size, which may have another float type."""
+        # The viewport and scissor of another target must not limit the copy.
         self.framebuffer.use()
         self._context.gl.copy_framebuffer(self.framebuffer, other.framebuffer)
 
@@ -56,16 +56,16 @@ class ColorTarget:
         return bytes(self.texture.read())
 
     def part(self, pixels: tuple[int, int, int, int]) -> PicturePart:
-        """Return linear RGBA of a part of the picture: left, top, right, bottom from the upper left corner."""
+        """Return a rectangle of linear RGBA; `pixels`: left, top, right, bottom from the upper left corner."""
         return PicturePart(self.framebuffer, pixels, "f2" if self._type.itemsize == 2 else "f4")
 
     def read_all(self) -> NDArray[np.float32]:
-        """Return all four channels as they are: [H, W, 4] float32, row 0 on top."""
+        """Return all four channels: [H, W, 4] float32, row 0 on top."""
         pixels = np.frombuffer(self.texture.read(), self._type).reshape(self.size[1], self.size[0], 4)
         return np.ascontiguousarray(pixels[::-1], np.float32)
 
     def read(self) -> NDArray[np.float32]:
-        """Return [H, W, 3] float32 linear, row 0 on top, background 0."""
+        """Return the picture: [H, W, 3] float32 linear, row 0 on top, background 0."""
         return np.ascontiguousarray(self.read_all()[..., :3])
 
     def release(self) -> None:

@@ -1,4 +1,4 @@
-"""What textures cover, as packs with the map `alpha` hold it."""
+"""Coverage of textures, from packs with the map `alpha`."""
 
 from dataclasses import dataclass
 
@@ -13,22 +13,22 @@ from ntc.pack.match import PackMatch
 
 @dataclass(frozen=True)
 class PackedCoverage:
-    """A texture of a pack, which has the map `alpha`."""
+    """Texture of a pack with the map `alpha`."""
 
     pack: Pack
     index: int
     """Number of the texture in the pack."""
 
     def mips(self) -> tuple[NDArray[np.uint8], ...]:
-        """Return the mips that the pack has, [h, w] uint8 each; none where the codec takes long to decode them."""
+        """Return the mips of the coverage, [h, w] uint8 each; empty if the codec decodes them too slowly."""
         texture = self.pack.textures[self.index]
         levels = range(len(texture_levels(texture, self.pack.config)))
-        found = [codec_of(self.pack.config).coverage_image(self.pack, self.index, level) for level in levels]
-        return tuple(mip for mip in found if mip is not None)
+        mips = [codec_of(self.pack.config).coverage_image(self.pack, self.index, level) for level in levels]
+        return tuple(mip for mip in mips if mip is not None)
 
 
 def packed_coverage(pack: Pack, match: PackMatch) -> dict[int, PackedCoverage]:
-    """Return the textures of `pack` that have the map `alpha`, by their number in the scene."""
+    """Return the textures of `pack` with the map `alpha`, by texture id of the scene."""
     return {
         number: PackedCoverage(pack, index)
         for number, index in enumerate(match.texture_index)

@@ -1,4 +1,17 @@
-"""Culling by frustum and normal cone: draw commands that the CPU writes, and work for the GPU where clusters are many."""
+"""Culling of clusters by frustum and normal cone, on the CPU or prepared for the GPU.
+
+A cluster is a run of consecutive triangles of a primitive, with an axis-aligned box and a normal cone: the mean direction of its
+normals, and the largest angle to it. Two tests cull a cluster of an instance, both conservative. (1) Its box, in world space, lies
+outside a frustum plane: the distance of the box's centre plus its extent along the plane's normal is negative (Gribb and Hartmann 2001
+for the planes). (2) All its triangles face away: the direction from the eye to each point of the bounding sphere makes less than 90
+degrees with all normals of the cone. With axis n, sine of the cone's half angle s, centre c and radius r, that holds if
+dot(c - eye, n) >= s |c - eye| + r (Shirman and Abi-Ezzi 1993). It is tested in local space, because transforms may scale unevenly.
+
+Neighbouring visible clusters of an instance become one draw command, because a command costs more than some hidden triangles. Commands
+are sorted by bucket (equal OpenGL state), then from near to far, so the depth test rejects hidden pixels early. On the CPU, `Culling`
+tests clusters of CPU_CLUSTER_TRIANGLES. For many clusters, `InstanceCulling` tests whole instances, and the GPU tests their clusters
+(viewer/render/passes/cull.py), with a further test for clusters that cover no pixel centre.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -20,7 +33,7 @@ from viewer.scene.model import Camera, Sampler, Scene, Stand
 from viewer.state.camera import frustum_planes
 
 CPU_CLUSTER_TRIANGLES = 512
-"""Most triangles of a cluster of scenes that are culled on the CPU."""
+"""Most triangles of a cluster for culling on the CPU."""
 
 COMMAND = np.dtype(
     [("count", "<u4"), ("instances", "<u4"), ("first_index", "<u4"), ("base_vertex", "<i4"), ("base_instance", "<u4")]
@@ -30,7 +43,7 @@ COMMAND = np.dtype(
 OPAQUE = -2
 """Alpha texture of a bucket that needs no alpha test."""
 NO_ALPHA_TEXTURE = -1
-"""Alpha texture of a bucket whose alpha comes from factors and vertex colours alone."""
+"""Alpha texture of a bucket whose alpha comes only from factors and vertex colours."""
 
 
 @dataclass(frozen=True)
@@ -41,18 +54,18 @@ class Bucket:
     """Texture id, or OPAQUE, or NO_ALPHA_TEXTURE."""
     double_sided: bool
     mirrored: bool
-    """True where the transform turns the winding round."""
+    """True if the transform reverses the winding of triangles."""
     alpha_sampler: Sampler | None = None
     """Sampler of the alpha texture; None without one."""
 
     def sort_key(self) -> tuple[object, ...]:
-        """Return the key of the drawing order: opaque buckets first, so that they hide what would cost an alpha test."""
+        """Return the key of the drawing order: opaque buckets first, because they hide fragments that cost an alpha test."""
         return self.alpha_texture, self.double_sided, self.mirrored, repr(self.alpha_sampler)
 
 
 @dataclass(frozen=True)
 class DrawCounts:
-    """Numbers of what is drawn of a scene, and what is culled."""
+    """Numbers of drawn and culled parts of a scene."""
 
     clusters_culled: int
     triangles_culled: int
@@ -62,14 +75,14 @@ class DrawCounts:
 
 @dataclass(frozen=True, eq=False)
 class DrawList:
-    """Commands that draw what one camera may see."""
+    """Commands that draw the clusters that one camera may see."""
 
     commands: NDArray[np.void]
     """[N] COMMAND, bucket by bucket."""
     ranges: tuple[tuple[Bucket, int, int], ...]
     """(bucket, first command, number of commands)."""
     materials: NDArray[np.bool_]
-    """[materials] whether an instance with the material may be seen."""
+    """[materials] whether an instance with the material may be visible."""
     counts: DrawCounts
 
 
@@ -85,7 +98,7 @@ def instance_bucket(scene: Scene, instance: int, mirrored: bool) -> Bucket:
 
 
 def _moved(clusters: Clusters, scene: Scene, stand: Stand) -> Clusters:
-    """Return `clusters`, where those of moving vertices have the primitive's box and may face any way."""
+    """Return `clusters`, in which those of moving vertices have the primitive's box and no normal cone."""
     centre, half, cutoff = clusters.centre.copy(), clusters.half.copy(), clusters.cutoff.copy()
     for number, primitive in enumerate(scene.primitives):
         box = stand.boxes.get(primitive.base_vertex)
@@ -96,10 +109,10 @@ def _moved(clusters: Clusters, scene: Scene, stand: Stand) -> Clusters:
 
 
 class Culling:
-    """World-space bounds of every cluster of every instance, and the test of a frustum against them."""
+    """Culling on the CPU: world-space bounds of every cluster of every instance, and the tests."""
 
     def __init__(self, scene: Scene, clusters: Clusters | None = None, stand: Stand | None = None) -> None:
-        """Take `clusters` of the scene as it was read (None: those that suit the CPU) and `stand`, where moving parts are now."""
+        """Take `clusters` of the pose of the file (None: with CPU_CLUSTER_TRIANGLES), and `stand`, the current pose."""
         self.clusters = clusters or build_clusters(scene, CPU_CLUSTER_TRIANGLES)
         if stand is not None:
             self.clusters = _moved(self.clusters, scene, stand)
@@ -137,11 +150,11 @@ class Culling:
         self._triangles = self.clusters.index_count[self._cluster] // 3
 
     def local_eyes(self, eye: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return [N, 3] `eye` in the local space of each instance."""
+        """Return `eye` in the local space of each instance: [N, 3]."""
         return np.asarray(np.einsum("nij,nj->ni", self._inverse, eye - self._translation))
 
     def _faces_away(self, eye: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return [rows] whether all triangles of a cluster turn their backs; tested in local space, where the cones are."""
+        """Return whether all triangles of each cluster face away: [rows] bool."""
         instance, cluster = self._instance[rows], self._cluster[rows]
         local_eyes = self.local_eyes(eye)
         towards = self.clusters.centre[cluster] - local_eyes[instance]
@@ -150,7 +163,7 @@ class Culling:
         return np.asarray(self._may_face_away[rows] & (along >= reach), np.bool_)
 
     def draw_list(self, camera: Camera, matrix: NDArray[np.float64]) -> DrawList:
-        """Return the commands for what `camera`, whose world-to-clip matrix is `matrix`, may see."""
+        """Return the commands for what `camera` may see; `matrix` is its world-to-clip matrix."""
         planes = frustum_planes(matrix)
         distance = self._centre @ planes[:, :3].T + planes[:, 3] + self._half @ np.abs(planes[:, :3]).T
         rows = np.nonzero((distance >= 0.0).all(axis=1))[0]
@@ -167,7 +180,7 @@ class Culling:
         order = np.lexsort((rows, nearest[self._instance[rows]], self._bucket[rows]))
         rows = rows[order]
         cluster, instance = self._cluster[rows], self._instance[rows]
-        # Neighbouring clusters of one instance are one draw: a command costs more than some hidden triangles.
+        # Neighbouring clusters of one instance share a command.
         starts = (
             np.nonzero(np.concatenate([[True], (np.diff(cluster) != 1) | (np.diff(instance) != 0)]))[0]
             if len(rows)
@@ -198,11 +211,11 @@ class Culling:
 
 
 MARGIN = 1e-5
-"""Distance by which an instance must be outside, in units of the largest number that is added."""
+"""Bound of the rounding error of an instance's distance, relative to the largest summand."""
 
 
 def placement_records(scene: Scene, culling: Culling) -> NDArray[np.void]:
-    """Return [N] PLACEMENT_RECORD of the scene's instances."""
+    """Return the records of the scene's instances: [N] PLACEMENT_RECORD."""
     instances = scene.instances
     records = np.zeros(len(instances.primitive), PLACEMENT_RECORD)
     for number, name in enumerate(("row_x", "row_y", "row_z")):
@@ -215,25 +228,25 @@ def placement_records(scene: Scene, culling: Culling) -> NDArray[np.void]:
 
 @dataclass(frozen=True, eq=False)
 class DrawItems:
-    """Work for the GPU, with what the CPU knows of it."""
+    """Items to cull on the GPU, with their buckets and materials."""
 
     items: NDArray[np.void]
     """[I] ITEM_RECORD, bucket by bucket, nearest instances first."""
     buckets: NDArray[np.void]
-    """[B] BUCKET_RECORD of those that have items."""
+    """[B] BUCKET_RECORD of buckets that have items."""
     numbers: tuple[int, ...]
-    """[B] their indices into `Culling.buckets`."""
+    """[B] indices of these buckets into `Culling.buckets`."""
     materials: NDArray[np.bool_]
     """[materials] whether an instance with the material may be seen."""
 
     @property
     def capacity(self) -> int:
-        """Most commands that there may be."""
+        """Largest possible number of commands."""
         return int(self.buckets["capacity"].sum())
 
 
 class InstanceCulling:
-    """World-space boxes of the instances, and the test of a frustum against them."""
+    """Culling of whole instances on the CPU: world-space boxes, and the test against a frustum."""
 
     def __init__(self, scene: Scene, culling: Culling) -> None:
         self._culling, clusters = culling, culling.clusters
@@ -251,7 +264,7 @@ class InstanceCulling:
         self.triangles = int(triangles[self._primitive].sum())
 
     def items(self, camera: Camera, matrix: NDArray[np.float64], all_instances: bool = False) -> DrawItems:
-        """Return what `camera`, whose world-to-clip matrix is `matrix`, may see. `all_instances`: none is left out."""
+        """Return the items that `camera` may see; `matrix` is its world-to-clip matrix. `all_instances`: cull none."""
         planes = frustum_planes(matrix)
         distance = self._centre @ planes[:, :3].T + planes[:, 3]
         reach = self._half @ np.abs(planes[:, :3]).T
@@ -288,13 +301,13 @@ def _primitive_boxes(clusters: Clusters) -> tuple[NDArray[np.float64], NDArray[n
 def _bucket_records(
     bucket: NDArray[np.int64], clusters: NDArray[np.uint32]
 ) -> tuple[NDArray[np.void], tuple[int, ...]]:
-    """Return (BUCKET_RECORD [B], numbers of the buckets) of items [I] of so many `clusters`, sorted by `bucket`."""
+    """Return (BUCKET_RECORD [B], numbers of the buckets) for sorted items, given by `bucket` [I] and number of `clusters` [I]."""
     numbers, first, count = np.unique(bucket, return_index=True, return_counts=True)
     records = np.zeros(len(numbers), BUCKET_RECORD)
     if len(numbers) == 0:
         return records, ()
     records["first_item"], records["items"] = first, count
-    # At most every other cluster begins a run.
+    # A run ends before an invisible cluster, so at most every second cluster begins a run.
     records["capacity"] = np.add.reduceat((clusters.astype(np.int64) + 1) // 2, first)
     records["first_command"] = np.cumsum(records["capacity"]) - records["capacity"]
     return records, tuple(numbers.tolist())
@@ -306,20 +319,20 @@ COUNT_OFFSET = int(BUCKET_RECORD.fields["commands"][1]) if BUCKET_RECORD.fields 
 
 @dataclass(frozen=True, eq=False)
 class GpuDrawList:
-    """Commands on the GPU that draw what one camera may see at one picture size; in the same buffers as the list before."""
+    """Commands on the GPU that draw what one camera may see at one picture size. The next list overwrites them."""
 
     ranges: tuple[tuple[Bucket, int, int], ...]
-    """(bucket, first command, most commands)."""
+    """(bucket, first command, largest number of commands)."""
     materials: NDArray[np.bool_]
     """[materials] whether an instance with the material may be seen."""
     commands: moderngl.Buffer
-    """DrawElementsIndirectCommands."""
+    """Buffer of DrawElementsIndirectCommands."""
     buckets: moderngl.Buffer
-    """BUCKET_RECORD of each of `ranges`."""
+    """Buffer of BUCKET_RECORDs, one for each of `ranges`."""
     draws: IndirectDraws
 
     def draw(self, array: moderngl.VertexArray, index_bytes: int, number: int) -> None:
-        """Draw what is seen of range `number`."""
+        """Draw the visible clusters of range `number`."""
         _, first, most = self.ranges[number]
         place = BUCKET_RECORD.itemsize * number + COUNT_OFFSET
         self.draws.draw(array, index_bytes, self.commands, first, most, self.buckets, place)
@@ -327,10 +340,10 @@ class GpuDrawList:
 
 @dataclass(eq=False)
 class PosedScene:
-    """Bounds of the parts of a scene in its pose, and of all of it."""
+    """Culling bounds of a scene in its current pose."""
 
     culling: Culling
     bounds: NDArray[np.float32]
     """[2, 3] lowest and highest corner of the scene."""
     has_moved: bool = False
-    """True once the scene has had another pose than it was read with."""
+    """True once the scene has had another pose than that of the file."""

@@ -1,4 +1,4 @@
-"""Settings of the decoding shaders: precision, and the variant that suits a renderer."""
+"""Settings of the decoding shaders: precision, and the variant for a driver."""
 
 from dataclasses import replace
 
@@ -16,8 +16,8 @@ EVERYWHERE: tuple[Precision, ...] = ("fp32", "fp16")
 
 
 FASTEST_FIRST: tuple[Precision, ...] = ("fp16-accumulate", "fp16", "fp32", "fp16-arithmetic")
-"""Order of precisions where nothing was measured, by vector instructions of GPU compilers (docs/explanation/decode-paths.md). Halves
-that are summed up in single precision take more of them than single precision alone."""
+"""Assumed order of precisions by speed, from the number of vector instructions of GPU compilers (docs/explanation/decode-paths.md).
+Summing up halves in single precision takes more instructions than single precision throughout."""
 
 
 def fastest_first(context: GraphicsContext) -> tuple[Precision, ...]:
@@ -32,7 +32,7 @@ def supported_precisions(context: GraphicsContext) -> tuple[Precision, ...]:
 
 
 def unsupported_precisions(context: GraphicsContext) -> dict[str, str]:
-    """Return the reasons why this driver cannot compute in a precision, by its name."""
+    """Return the precisions that this driver cannot compute in: {precision: reason}."""
     lacking = set(LEVELS) - set(supported_precisions(context))
     reason = f"{context.info.renderer} has no 16-bit arithmetic in shaders; use fp16, which stores decoders in 16 bits"
     return {precision: reason for precision in LEVELS if precision in lacking}
@@ -41,9 +41,9 @@ def unsupported_precisions(context: GraphicsContext) -> dict[str, str]:
 def precision_defines(
     context: GraphicsContext, precision: Precision, emulated: bool = False
 ) -> dict[str, int | float | str]:
-    """Return the defines of the decoding shaders. `emulated` rounds in single precision what the driver cannot compute in halves.
+    """Return the defines of the decoding shaders. `emulated`: emulate halves by rounding in single precision.
 
-    Raises InputError where the driver has no half arithmetic and `precision` needs it.
+    Raises InputError if `precision` needs half arithmetic and the driver has none.
     """
     defines: dict[str, int | float | str] = {"PRECISION_FP16": int(precision != "fp32")}
     if LEVELS[precision] == 0:
@@ -60,13 +60,13 @@ def precision_defines(
 
 
 def variant_name(context: GraphicsContext) -> VariantName:
-    """Return the variant that suits a renderer: `software` where it runs on the CPU and with OpenGL 4.1, else `gpu`."""
+    """Return the variant for a driver: `software` for software renderers and OpenGL 4.1, else `gpu`."""
     return "software" if context.info.is_software or not context.features.compute else "gpu"
 
 
 def decoder_variant(context: GraphicsContext, name: VariantName | None = None) -> DecoderVariant:
-    """Return the variant with this name, as this driver can have it; None: that of `variant_name`."""
+    """Return the variant of this name, adapted to the driver; None: the name of `variant_name`."""
     variant, features = VARIANTS[name or variant_name(context)], context.features
-    # OpenGL 4.1 reads buffers as textures anyway.
+    # OpenGL 4.1 reads buffers as textures in any case.
     in_image = features.weights_in_image and (variant.weights == "image" or not features.compute)
     return replace(variant, weights="image" if in_image else "uniforms")

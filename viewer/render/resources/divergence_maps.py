@@ -1,4 +1,4 @@
-"""Divergence maps of one picture under several groupings, and the texture -> decoder tables they are counted from."""
+"""Divergence maps of one picture under several groupings, and the texture -> decoder tables for counting."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,12 +15,12 @@ from viewer.render.resources.layout import StorageBinding
 
 T = TypeVar("T")
 Stage = Literal["compute", "fragment"]
-"""Kind of shader that counts: `fragment` is for drivers whose compute shaders are slow or missing."""
+"""Kind of shader that counts. `fragment` is for drivers with slow or no compute shaders."""
 
 
 @dataclass(frozen=True)
 class CountedGrouping:
-    """Grouping whose decoders are counted."""
+    """Grouping to count decoders of."""
 
     version: int
     """Version that changes with the decoders, and only with them."""
@@ -51,7 +51,7 @@ class DivergenceTarget:
         """Stage that wrote the maps; only `compute` fills the histogram."""
 
     def read(self, grouping: int = 0) -> NDArray[np.uint16]:
-        """Return a map: [ceil(H / block height), ceil(W / block width)] uint16, as `ntc.metrics.divergence.divergence_map`."""
+        """Return one map, as `ntc.metrics.divergence.divergence_map`: [ceil(H / block height), ceil(W / block width)] uint16."""
         return np.asarray(self._maps(self.texture.read(alignment=1))[grouping], np.uint16)
 
     def _maps(self, content: bytes) -> NDArray[np.uint16]:
@@ -60,14 +60,14 @@ class DivergenceTarget:
         return np.asarray(words, np.uint16)
 
     def copy_counts(self, back: ReadBack[T], tag: T) -> None:
-        """Copy what `statistics_in` reads to `back`: a few hundred bytes, or the maps where no histogram is counted."""
+        """Copy the data for `statistics_in` to `back`: the histograms, or the maps if a fragment shader counted."""
         if self.counted_by == "fragment":
             back.copy_texture(self.texture, 4 * self.size[0] * self.size[1] * self.groupings, tag)
         else:
             back.copy([(self.histogram, self.histogram.size)], tag)
 
     def statistics_in(self, content: bytes) -> tuple[DivergenceStatistics, ...]:
-        """Return the statistics of each map."""
+        """Return the statistics of each map from the data of `copy_counts`."""
         if self.counted_by == "fragment":
             return tuple(DivergenceStatistics.of(counted) for counted in self._maps(content))
         counts = np.frombuffer(content, np.uint32).reshape(self.groupings, self._counts)
@@ -89,7 +89,7 @@ class DecoderTables:
     """Decoder of every texture of a scene under each of several groupings; -1 where nothing is decoded."""
 
     def __init__(self, context: GraphicsContext, groupings: Sequence[Sequence[int]]) -> None:
-        # One entry more than there are textures: an empty buffer cannot be bound.
+        # An empty buffer cannot be bound, so there is one more entry than textures.
         self.textures = len(groupings[0]) + 1
         numbers = np.array([[*decoders, -1] for decoders in groupings], "<i4")
         self._context = context

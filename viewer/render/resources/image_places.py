@@ -1,4 +1,13 @@
-"""Places of the images of one plane of maps in texture arrays: of all of them, or of those in sight that a budget allows."""
+"""Places of the images of one plane of maps in texture arrays, within a memory budget.
+
+A shader can sample all layers of an array, so images of equal size and sampler share arrays, and few arrays have to be drawn.
+
+If all images fit into the budget, each has a permanent layer. Else only images of visible materials have one, and their size is
+bounded: the side is the largest power of two such that all of them fit, and finer mips are left out. When the visible materials
+change, `want` keeps the images that are fine enough, and drops others, the least recently visible first, until the missing ones fit. A
+new layer is pending until its image has been uploaded; meanwhile the coarser image of the texture is shown, if there is one. If the
+images together exceed the budget because some are finer than now allowed, those are replaced by coarser ones as well.
+"""
 
 from collections import OrderedDict, defaultdict
 from collections.abc import Iterable, Mapping
@@ -10,11 +19,11 @@ from ntc.codec.maps import PLANES, Plane
 from viewer.scene.model import Sampler, Scene
 
 LAYERS_AT_MOST = 256
-"""Most layers of an array: every OpenGL 4.3 driver has at least this many."""
+"""Most layers of an array. Every OpenGL 4.3 driver allows at least so many."""
 ARRAY_BYTES = 1 << 24
-"""Size in bytes of an array whose layers come and go, unless one layer takes more: layers left unused are lost."""
+"""Size in bytes of an array within a bounded budget, unless one layer takes more. It is small because unused layers waste memory."""
 DEFAULT_BYTES = 1 << 30
-"""Default limit of all images of one source, in bytes."""
+"""Default budget for all images of one source, in bytes."""
 TEXEL_BYTES = 4
 
 _Key = tuple[int, Sampler]
@@ -31,17 +40,17 @@ class ImagePlace:
 
 @dataclass(frozen=True)
 class ImageContent:
-    """Content of a layer: a texture from one of its mips on."""
+    """Content of a layer: a texture, from mip `level` on."""
 
     texture: int
     level: int = 0
     number: int = 0
-    """Number that tells content apart which came to one place at different times."""
+    """Number that distinguishes contents which a place has at different times."""
 
 
 @dataclass(frozen=True, eq=False)
 class ImageArrayPlan:
-    """Array of images of one size that are sampled alike."""
+    """Plan of a texture array: images of one size and one sampler."""
 
     size: tuple[int, int]
     sampler: Sampler
@@ -54,14 +63,14 @@ def image_bytes(size: tuple[int, int]) -> int:
 
 
 def plane_bytes(scene: Scene, plane: Plane) -> int:
-    """Return the number of bytes of all images of a plane, each as often as it is sampled in another way."""
+    """Return the number of bytes of all images of a plane; an image with several samplers counts for each."""
     return sum(image_bytes(scene.textures[texture].size) for texture, _ in set(_keys(scene, plane).values()))
 
 
 def _keys(scene: Scene, plane: Plane) -> dict[int, _Key]:
-    """Return the image of the plane by material."""
-    found = {index: material.plane(plane) for index, material in enumerate(scene.materials)}
-    return {index: (own.texture_id, own.sampler) for index, own in found.items() if own is not None}
+    """Return the plane's texture and sampler by material."""
+    textures = {index: material.plane(plane) for index, material in enumerate(scene.materials)}
+    return {index: (each.texture_id, each.sampler) for index, each in textures.items() if each is not None}
 
 
 def _reduced(size: tuple[int, int], level: int) -> tuple[int, int]:
@@ -74,10 +83,10 @@ def _level(size: tuple[int, int], side: int) -> int:
 
 
 class ImagePlaces:
-    """Places of a plane's images, which all sources that are shown as images share.
+    """Places of a plane's images. All image sources share them.
 
-    If all images fit into `most_bytes`, each has its place for good. Else those in sight have, at the largest size at which all of
-    them fit: mips above that are left out. An image that is coming finer, or for the first time, is pending until it is `arrived`.
+    If all images fit into `most_bytes`, the places are permanent. Else only images in sight have places, at the largest size at which
+    all of them fit. A new or finer image is pending until `arrived` is called.
     """
 
     def __init__(self, scene: Scene, plane: Plane, most_bytes: int = DEFAULT_BYTES) -> None:
@@ -88,14 +97,14 @@ class ImagePlaces:
         """Plans of the arrays, by number."""
         self.content: dict[ImagePlace, ImageContent] = {}
         self._current: OrderedDict[_Key, ImagePlace] = OrderedDict()
-        """Places that are shown; those seen last at the end."""
+        """Places of shown images, from the least to the most recently visible."""
         self._pending: dict[_Key, ImagePlace] = {}
         self._free: dict[int, list[int]] = {}
         """Layers without content, by array."""
         self._bytes = self._placed = 0
         self._wanted: frozenset[_Key] = frozenset()
         self.version = 0
-        """Version that changes whenever images lie elsewhere, or other ones are coming."""
+        """Version that changes whenever places or pending images change."""
         self.side = max((max(scene.textures[texture].size) for texture, _ in self._keys.values()), default=1)
         """Size limit of the images in sight: their largest side in texels."""
         if not self.is_bounded:
@@ -120,21 +129,21 @@ class ImagePlaces:
 
     @property
     def pending(self) -> Mapping[ImagePlace, ImageContent]:
-        """Content that is coming, by place."""
+        """Content that is not uploaded yet, by place."""
         return {place: self.content[place] for place in self._pending.values()}
 
     @property
     def in_sight(self) -> int:
-        """Number of images in sight, where they are bounded."""
+        """Number of images in sight; 0 if the budget holds all images."""
         return len(self._wanted)
 
     def of(self, materials: Iterable[int]) -> set[ImagePlace]:
-        """Return the places of the images of `materials` that are there."""
+        """Return the places of the uploaded images of `materials`."""
         keys = {self._keys[index] for index in materials if index in self._keys}
         return {self._current[key] for key in keys if key in self._current}
 
     def want(self, materials: Iterable[int]) -> None:
-        """Find places for the images of these materials, which are in sight; others lose theirs where there is no room."""
+        """Give places to the images of these visible materials; others lose theirs if room is needed."""
         if not self.is_bounded:
             return
         wanted = frozenset(self._keys[index] for index in materials if index in self._keys)
@@ -146,7 +155,7 @@ class ImagePlaces:
             self._drop(self._pending.pop(key))
         self.side = self._fitting_side(wanted)
         levels = {key: _level(self._scene.textures[key[0]].size, self.side) for key in wanted}
-        kept = 0
+        placed_bytes = 0
         missing: list[_Key] = []
         for key in sorted(wanted, key=lambda each: each[0]):
             place = self._pending.get(key, self._current.get(key))
@@ -155,10 +164,10 @@ class ImagePlaces:
             if place is None or self.content[place].level > levels[key]:
                 missing.append(key)
             else:
-                kept += self._bytes_of(place)
+                placed_bytes += self._bytes_of(place)
         needed = sum(self._size_bytes(key, levels[key]) for key in missing)
-        if kept + needed > self._most_bytes:
-            # Finer than there is room for: they come again, coarser.
+        if placed_bytes + needed > self._most_bytes:
+            # Some images are finer than the new limit, so they are replaced by coarser ones.
             missing = [key for key in wanted if not self._is_at(key, levels[key])]
             needed = sum(self._size_bytes(key, levels[key]) for key in missing)
         for key in missing:
@@ -186,7 +195,7 @@ class ImagePlaces:
         return image_bytes(self.plans[place.array].size)
 
     def _make_room(self, needed: int, coming: set[_Key]) -> None:
-        """Drop what is out of sight, then what comes anew, in the order in which it was seen last."""
+        """Drop images until `needed` bytes fit: those out of sight, then those of `coming`, the least recently visible first."""
         for key in [key for key in self._current if key not in self._wanted] + [
             key for key in self._current if key in coming
         ]:
@@ -205,22 +214,22 @@ class ImagePlaces:
     def _placed_at(self, key: _Key, level: int) -> ImagePlace:
         size = _reduced(self._scene.textures[key[0]].size, level)
         fitting = (array for array, free in self._free.items() if free)
-        found = next(
+        number = next(
             (array for array in fitting if (self.plans[array].size, self.plans[array].sampler) == (size, key[1])), None
         )
-        if found is None:
+        if number is None:
             layers = min(LAYERS_AT_MOST, max(1, ARRAY_BYTES // image_bytes(size)))
-            found = next(number for number in range(len(self.plans) + 1) if number not in self.plans)
-            self.plans[found] = ImageArrayPlan(size, key[1], layers)
-            self._free[found] = list(range(layers))
+            number = next(unused for unused in range(len(self.plans) + 1) if unused not in self.plans)
+            self.plans[number] = ImageArrayPlan(size, key[1], layers)
+            self._free[number] = list(range(layers))
         self._placed += 1
-        place = ImagePlace(found, self._free[found].pop())
+        place = ImagePlace(number, self._free[number].pop())
         self.content[place] = ImageContent(key[0], level, self._placed)
         self._bytes += self._bytes_of(place)
         return place
 
     def arrived(self, places: Iterable[ImagePlace]) -> None:
-        """Show what has arrived at these places; what was shown in its stead goes."""
+        """Show the images that were uploaded to these places, and drop the coarser ones that they replace."""
         there = set(places)
         self.version += 1
         for key in [key for key, place in self._pending.items() if place in there]:
@@ -230,7 +239,9 @@ class ImagePlaces:
                 self._drop(before)
 
     def write(self, records: np.ndarray) -> None:
-        """Put the places into the materials' records (`MATERIAL_RECORD`): array -1 where there is none."""
+        """Write the places into the materials' records (`MATERIAL_RECORD`); array -1: no image."""
         for index, key in self._keys.items():
-            own, place = records[index]["planes"][self._plane], self._current.get(key)
-            own["image_array"], own["image_layer"] = (-1, 0) if place is None else (place.array, place.layer)
+            plane_record, place = records[index]["planes"][self._plane], self._current.get(key)
+            plane_record["image_array"], plane_record["image_layer"] = (
+                (-1, 0) if place is None else (place.array, place.layer)
+            )

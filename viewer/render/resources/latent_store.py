@@ -1,4 +1,4 @@
-"""Latents on the GPU: the mips that visible pixels need, within a budget, and their replacement by newer ones."""
+"""Latents on the GPU: upload of the mips that visible pixels need, within a budget, and replacement by newer versions."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class LatentBudget:
 
 @dataclass(frozen=True)
 class LatentCounts:
-    """Numbers of the latents that are on the GPU, and of those that are not."""
+    """Numbers of uploaded and missing latents."""
 
     bytes_uploaded: int
     bytes_left_out: int
@@ -31,15 +31,15 @@ class LatentCounts:
     textures_left_out: int
     """Number of textures of which no view has needed any mip so far."""
     levels_without_room: int
-    """Number of visible mips that do not fit into the budget: a coarser one is shown."""
+    """Number of visible mips that do not fit into the budget; coarser ones are shown."""
     out_of_memory: bool = False
-    """True where the GPU had less memory than the budget, which was lowered, or lets shaders read less of it than was needed."""
+    """True if the GPU has less memory than the budget, or a shader can read fewer bytes than needed."""
 
 
 class LatentStore:
-    """Latents of a table of textures (None: not encoded). Coarse mips are there whenever a finer one is.
+    """Latents of a table of textures (None: not encoded). With a mip, all coarser mips are on the GPU.
 
-    They are counted in cells: rows of the stored latents (`GpuTables.row_words`).
+    Sizes are counted in cells, the rows of stored latents (`GpuTables.row_words`).
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class LatentStore:
         self.tables, self._textures = tables, list(textures)
         self.cell_bytes = 4 * tables.row_words
         """Number of bytes of one cell on the GPU."""
-        # Shaders find all latents in one buffer, of which they read no more than the driver allows.
+        # All latents lie in one buffer, whose size the driver limits.
         limits = context.memory.limits
         self._most_bytes, self._limit_name = limits.storage_block_bytes, limits.storage_limit
         self._is_limited = self._most_bytes < budget.budget_bytes
@@ -62,17 +62,17 @@ class LatentStore:
             () if texture is None else texture_levels(texture, tables.settings) for texture in textures
         )
         self.rows: list[tuple[StoredRows, ...]] = [self._rows_of(texture) for texture in textures]
-        """Rows of each mip in its texture's latents."""
+        """Rows of each mip in its texture's latents, by texture."""
         counts = [len(pyramid) for pyramid in self.pyramids]
         self.first_level = np.concatenate([[0], np.cumsum(counts)])[: len(counts)].astype(np.int32)
-        """[textures] row of `levels` of each texture's finest mip."""
+        """[textures] index of each texture's finest mip in `levels`."""
         self.levels = np.zeros(max(1, sum(counts)), LEVEL_RECORD)
-        """[mips] LEVEL_RECORD; `first_cell` means something for mips that are there."""
+        """[mips] LEVEL_RECORD; `first_cell` is valid for mips on the GPU."""
         for first, pyramid in zip(self.first_level, self.pyramids, strict=True):
             self.levels[first : first + len(pyramid)] = level_records(pyramid)
         self.finest = np.array(counts, np.int32)
-        """[textures] finest mip that is there; the number of mips where none is."""
-        # Each texture has one entry more than mips, so that `finest` may say that none is there.
+        """[textures] finest mip on the GPU; the number of mips if there is none."""
+        # Each texture has one entry more than mips, for `finest` without any mip.
         self._first_sum = self.first_level + np.arange(len(counts))
         self._cells_from = self._counted_cells()
         self._mips = np.array(counts, np.int64)
@@ -81,30 +81,30 @@ class LatentStore:
         self._out_of_memory = False
         self.buffer: moderngl.Buffer = context.memory.buffer("latents", reserve=self.cell_bytes)
         self.written: tuple[int, int] | None = None
-        """(first, end) of the bytes of the buffer that have changed since this was set to None; None where none have."""
+        """Range (first, end) of bytes that have changed since LatentImage set this to None; None: no change."""
 
     def _rows_of(self, texture: EncodedTexture | None) -> tuple[StoredRows, ...]:
         return () if texture is None else self.tables.level_rows(texture)
 
     def _counted_cells(self) -> NDArray[np.int64]:
-        """Return [mips and one more of each texture] int64: number of cells from each mip on."""
+        """Return the number of cells from each mip on: int64, for each texture its mips and one entry 0."""
         return np.array(
             [sum(row.rows for row in rows[start:]) for rows in self.rows for start in range(len(rows) + 1)], np.int64
         )
 
     def _cells(self, index: int, finest: int) -> int:
-        """Return the number of cells of a texture from mip `finest` on."""
+        """Return the number of cells of a texture's mips from `finest` on."""
         return int(self._cells_from[self._first_sum[index] + finest])
 
     @property
     def bytes_by_texture(self) -> NDArray[np.int64]:
-        """[textures] int64 number of bytes of each texture that are there."""
+        """[textures] int64 number of uploaded bytes of each texture."""
         cells: NDArray[np.int64] = self._cells_from[self._first_sum + self.finest]
         return cells * self.cell_bytes
 
     @property
     def counts(self) -> LatentCounts:
-        """Numbers of what is on the GPU."""
+        """Current numbers of latents."""
         total = int(self._cells_from[self._first_sum].sum()) * self.cell_bytes
         there = int(self.bytes_by_texture.sum())
         absent = int(np.count_nonzero((self.finest >= self._mips) & (self._mips > 0)))
@@ -113,7 +113,7 @@ class LatentStore:
 
     @property
     def refusal(self) -> str:
-        """Message that says why latents are missing, and what helps."""
+        """Message with the reason why latents are missing, and the remedy."""
         if self._out_of_memory:
             return "latents: the GPU has no memory for all of them; close other programs"
         total = int(self._cells_from[self._first_sum].sum()) * self.cell_bytes
@@ -123,26 +123,26 @@ class LatentStore:
         )
 
     def all_levels(self) -> dict[int, int]:
-        """Return every mip of every texture, for `need`."""
+        """Return all mips of all textures, as an argument of `ensure_resident`."""
         return {index: 0 for index, pyramid in enumerate(self.pyramids) if pyramid}
 
     def has(self, wanted: Mapping[int, int]) -> bool:
-        """Return whether these mips are there, given as finest mip by texture."""
+        """Return whether these mips, given as finest mip by texture, are on the GPU."""
         return all(self.finest[index] <= level for index, level in wanted.items())
 
     def replace_textures(self, textures: Mapping[int, EncodedTexture]) -> None:
-        """Upload from these versions, given by index, from now on. The GPU keeps what it has (`LatentUpdate` replaces it)."""
+        """Use these versions, given by index, for later uploads. Latents on the GPU stay (`LatentUpdate` replaces those)."""
         for index, texture in textures.items():
             self._textures[index] = texture
 
     def fits(self, index: int, texture: EncodedTexture) -> bool:
-        """Return whether each mip of this version takes as much room as that of the present one, and so can replace it in place."""
+        """Return whether each mip of this version has the size of the current one, so it can replace it in place."""
         return self._rows_of(texture) == self.rows[index]
 
     def reload(self, textures: Mapping[int, EncodedTexture]) -> int:
-        """Hold these versions, given by index, whatever room they take: upload all that is there anew. Return the number of bytes.
+        """Take these versions, given by index, of any size, and upload all resident mips again. Return the number of bytes.
 
-        Raises GpuMemoryError as `need` does.
+        Raises GpuMemoryError as `ensure_resident` does.
         """
         there = {index: int(level) for index, level in enumerate(self.finest) if level < self._mips[index]}
         self.replace_textures(textures)
@@ -154,11 +154,11 @@ class LatentStore:
         return int(self.bytes_by_texture.sum())
 
     def ensure_resident(self, wanted: Mapping[int, int]) -> bool:
-        """Upload what is missing of these mips and all coarser ones, given as finest mip by texture; return whether anything changed.
+        """Upload the missing ones of these mips (finest mip by texture) and of all coarser ones; return whether anything changed.
 
-        Where the budget is full all that is not wanted goes; where that is not enough, the finest mips of the largest
-        textures stay out. Where the GPU has no memory for the budget, what it has is the budget from then on. Raises GpuMemoryError
-        where not even the coarsest mips fit; then none are there.
+        If the budget is full, all other latents are dropped. If that is not enough, the finest mips of the largest textures are left
+        out. If the GPU has less memory than the budget, the budget shrinks to what it has. Raises GpuMemoryError if not even the
+        coarsest mips fit; then none are on the GPU.
         """
         missing = {index: level for index, level in wanted.items() if self.finest[index] > level}
         if not missing:
@@ -168,28 +168,28 @@ class LatentStore:
         )
         self._without_room = 0
         if self._used + cells > self._budget_cells:
-            missing, cells = self._begin_anew(wanted)
+            missing, cells = self._restart(wanted)
         try:
             self._reserve(self._used + cells)
         except GpuMemoryError:
             self._out_of_memory = True
             self._budget_cells = max(1, self.buffer.size // self.cell_bytes)
-            missing, cells = self._begin_anew(wanted)
+            missing, cells = self._restart(wanted)
             self._reserve(cells)
         start = self._used * self.cell_bytes
         self.memory.write(self.buffer, b"".join(self._place(index, level) for index, level in missing.items()), start)
         self.note_written(start, self._used * self.cell_bytes)
         return True
 
-    def _begin_anew(self, wanted: Mapping[int, int]) -> tuple[dict[int, int], int]:
-        """Drop all latents; return the part of `wanted` that fits, and its number of cells."""
+    def _restart(self, wanted: Mapping[int, int]) -> tuple[dict[int, int], int]:
+        """Drop all latents; return the part of `wanted` that fits into the budget, and its number of cells."""
         self.finest[:] = self._mips
         self._used = 0
         fitting = self._fitting(wanted)
         return fitting, sum(self._cells(index, level) for index, level in fitting.items())
 
     def _fitting(self, wanted: Mapping[int, int]) -> dict[int, int]:
-        """Return as much of `wanted` as the budget holds; of every texture at least the coarsest mip."""
+        """Return the part of `wanted` that the budget holds, with at least the coarsest mip of each texture."""
         fitting = dict(wanted)
         cells = sum(self._cells(index, level) for index, level in fitting.items())
         saved = {index: self._saved(index, level) for index, level in fitting.items()}
@@ -205,11 +205,11 @@ class LatentStore:
         return fitting
 
     def _saved(self, index: int, level: int) -> int:
-        """Return the number of cells that a texture takes less where its mips begin at the next one that takes fewer."""
+        """Return the number of cells that dropping a texture's finest mip saves, or its finest mips if they share cells."""
         return self._cells(index, level) - self._cells(index, self._smaller(index, level))
 
     def _smaller(self, index: int, level: int) -> int:
-        """Return the next coarser mip that takes fewer cells: mips of one code take the same. `level` itself where there is none."""
+        """Return the next coarser mip with fewer cells, or `level` if there is none. Mips that share a code share cells."""
         cells = self._cells(index, level)
         return next(
             (each for each in range(level, len(self.pyramids[index])) if self._cells(index, each) < cells), level
@@ -232,7 +232,7 @@ class LatentStore:
         self.buffer = grown
 
     def _place(self, index: int, finest: int) -> bytes:
-        """Return a texture's mips from `finest` to those that are there; they follow what is used, and count as used from now on."""
+        """Place a texture's missing mips from `finest` on behind the used cells; return the bytes to upload there."""
         texture, rows = self._textures[index], self.rows[index]
         assert texture is not None
         present = int(self.finest[index])
@@ -240,7 +240,7 @@ class LatentStore:
         end = rows[present].first if present < len(rows) else rows[-1].first + rows[-1].rows
         for number in reversed(range(finest, present)):
             row = int(self.first_level[index]) + number
-            # A mip without rows of its own is decoded from those of the next coarser one, which may be there already.
+            # A mip without rows is decoded from those of the next coarser mip, which may be on the GPU already.
             shared = rows[number].rows == 0 and number + 1 < len(rows)
             coarser = int(self.levels[row + 1]["first_cell"]) if shared else 0
             self.levels[row]["first_cell"] = coarser if shared else self._used + rows[number].first - start
@@ -249,7 +249,7 @@ class LatentStore:
         return self.tables.latent_words(texture, slice(start, end)).tobytes()
 
     def note_written(self, start: int, end: int) -> None:
-        """Note that these bytes of the buffer have changed."""
+        """Add a range of changed bytes to `written`."""
         first, last = self.written or (start, end)
         self.written = min(first, start), max(last, end)
 
@@ -259,14 +259,14 @@ class LatentStore:
 
 
 class LatentImage:
-    """Copy of a store's buffer in an image, which software renderers read several times faster: rows of 2^LATENT_COLUMN_BITS words."""
+    """Copy of a store's buffer in an image of 2^LATENT_COLUMN_BITS columns, which software renderers read several times faster."""
 
     def __init__(self, store: LatentStore) -> None:
         self._store = store
         self._texture: moderngl.Texture | None = None
 
     def update(self) -> moderngl.Texture:
-        """Copy what has changed in the store; return the image. Raises GpuMemoryError."""
+        """Copy the changed bytes of the store; return the image. Raises GpuMemoryError."""
         columns = 1 << LATENT_COLUMN_BITS
         buffer, row_bytes = self._store.buffer, 4 * columns
         rows = -(-buffer.size // row_bytes)
@@ -278,7 +278,7 @@ class LatentImage:
             written = self._store.written
             first, end = written[0] // row_bytes, -(-written[1] // row_bytes)
             start = first * row_bytes
-            # Whole rows are written, from a buffer that holds them: reading the other one would wait for the GPU.
+            # Whole rows are copied on the GPU, through a staging buffer. Reading the store's buffer would wait for the GPU.
             staged = self._store.memory.buffer("image of latents", reserve=(end - first) * row_bytes)
             self._store.gl.copy_buffer(staged, buffer, min(end * row_bytes, buffer.size) - start, read_offset=start)
             self._texture.write(staged, (0, first, columns, end - first))
@@ -311,22 +311,22 @@ class CellRange:
 
 
 class LatentUpdate:
-    """Replacement of the latents of `textures`, given by index in the store, by others of textures of the same sizes.
+    """Replacement of latents by a newer version: `textures` by index in the store, with unchanged sizes.
 
-    The store keeps its old latents, and may load more of them, until `apply`. Latents that take other room than before are not
-    staged: with them the store is filled anew.
+    Until `apply`, the store keeps its old latents, and may load more of them. Latents of another size than the old ones are not
+    staged; `apply` then uploads the whole store again.
     """
 
     def __init__(self, store: LatentStore, textures: Mapping[int, EncodedTexture]) -> None:
         self._store, self._textures = store, textures
         self.fits = all(store.fits(index, texture) for index, texture in textures.items())
-        """True where the new latents take the places of the old ones."""
+        """True if the new latents have the sizes of the old ones, and replace them in place."""
         self._staged: dict[tuple[int, int], int] = {}
-        """Numbers of cells that are staged, by texture and mip."""
+        """Numbers of staged cells, by texture and mip."""
         self._batches: list[tuple[moderngl.Buffer, list[CellRange]]] = []
 
     def _missing(self) -> Iterator[CellRange]:
-        """Yield the cells on the GPU whose new version is not staged."""
+        """Yield the ranges of resident cells whose new version is not staged."""
         for index in self._textures if self.fits else ():
             rows = self._store.rows[index]
             for level in range(int(self._store.finest[index]), len(rows)):
@@ -360,9 +360,9 @@ class LatentUpdate:
         return len(data)
 
     def apply(self) -> int:
-        """Upload what is not staged, and let the store hold the new latents; return the number of bytes uploaded.
+        """Upload the cells that are not staged, and copy all new latents into the store; return the number of bytes uploaded.
 
-        The store's `levels` and `finest` may then be others. Raises GpuMemoryError where latents take more room than before.
+        This may change the store's `levels` and `finest`. Raises GpuMemoryError if the new latents are larger and do not fit.
         """
         store, uploaded = self._store, 0
         if not self.fits:

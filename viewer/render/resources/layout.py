@@ -1,4 +1,4 @@
-"""Bindings, units, records and constants that Python and GLSL share. GLSL gets them as a generated include."""
+"""Bindings, units, records and constants that Python and GLSL share. GLSL includes them as `generated/layout.glsl`."""
 
 from enum import IntEnum
 
@@ -14,8 +14,8 @@ from viewer.scene.model import AlphaMode, Sampler
 
 
 class StorageBinding(IntEnum):
-    """Binding points of shader storage buffers, beside those of `ntc.codec.gpu.DecodingBinding`. OpenGL guarantees 8, so what
-    one program alone reads has numbers of its own below."""
+    """Binding points of shader storage buffers, besides those of `ntc.codec.gpu.DecodingBinding`. OpenGL guarantees only 8, so buffers
+    of a single program have overlapping numbers, in the enumerations below."""
 
     MATERIALS = 0
     REQUESTS = 5
@@ -24,14 +24,14 @@ class StorageBinding(IntEnum):
 
 
 class BinBinding(IntEnum):
-    """Bindings of the storage buffers of path `binned`, in place of others that its programs do not read."""
+    """Storage bindings of path `binned`. They overlap those of buffers that its programs do not read."""
 
     BINS = 5
     BIN_PIXELS = 6
 
 
 class TileBinding(IntEnum):
-    """Bindings of the storage buffers of path `cached`: those that decode read no tables, the others no latents."""
+    """Storage bindings of path `cached`. Its decoding programs read no tables, the others no latents, so the numbers overlap."""
 
     MATERIAL_TILES = 3
     TILE_LEVELS = 4
@@ -40,7 +40,7 @@ class TileBinding(IntEnum):
 
 
 class UniformBinding(IntEnum):
-    """Binding points of uniform buffers, beside those of `ntc.codec.gpu.DecodingUniform`."""
+    """Binding points of uniform buffers, besides those of `ntc.codec.gpu.DecodingUniform`."""
 
     LIGHTS = 1
     SAMPLES = 2
@@ -76,7 +76,7 @@ class TextureUnit(IntEnum):
 
 
 class ImageUnit(IntEnum):
-    """Image units of compute passes, beside those of `ntc.codec.gpu.DecodingImage`."""
+    """Image units of compute passes, besides those of `ntc.codec.gpu.DecodingImage`."""
 
     TARGET = 0
     DIVERGENCE = 1
@@ -85,7 +85,7 @@ class ImageUnit(IntEnum):
 
 
 class AlphaCode(IntEnum):
-    """Alpha modes as GLSL sees them."""
+    """Codes of alpha modes in GLSL."""
 
     OPAQUE = 0
     MASK = 1
@@ -104,42 +104,41 @@ class SamplerFlag(IntEnum):
 ALPHA_CODES: dict[AlphaMode, AlphaCode] = {"opaque": AlphaCode.OPAQUE, "mask": AlphaCode.MASK, "blend": AlphaCode.BLEND}
 
 GROUP_SIDE = 8
-"""Side of a compute work group in pixels, as of a block of the divergence map."""
+"""Side of a compute work group in pixels; the default block of the divergence map has the same."""
 TEXEL_GROUP = 64
 """Number of invocations in a work group of the texel decoder."""
 BIN_GROUP = 64
 """Number of invocations in a work group of the binned decode; each decodes several pixels."""
 SCAN_GROUP = 256
-"""Number of invocations in the one work group of the scan over bins."""
+"""Number of invocations in the single work group of a prefix sum."""
 TILE_SIDE = 32
 """Side in texels of a tile of a decoded mip."""
 PAGE_SIDE = TILE_SIDE + 1
-"""Side in texels of a page of the tile atlas: a tile, and a border on its right and below, so that the hardware can filter from each
-of its texels on."""
+"""Side in texels of a page of the tile atlas: a tile, and a border to the right and below for hardware filtering."""
 PAGE_SQUARES = (TILE_SIDE // 2 + 1) ** 2
-"""Number of squares of 2x2 texels that cover a tile and its border, inside which they lie."""
+"""Number of 2x2 squares of texels that cover a page."""
 ATLAS_SIDE = 1024
-"""Side in texels of a layer of the tile atlas: a power of two, so that coordinates of texels are exact in fp32."""
+"""Side in texels of a layer of the tile atlas. With a power of two, coordinates of texels are exact in fp32."""
 PAGES_ACROSS = ATLAS_SIDE // PAGE_SIDE
 """Number of pages along a side of a layer of the tile atlas."""
 TILE_REQUESTED = 0xFFFFFFFF
-"""Table entry of a missing tile that has been requested. 0: missing; other values: the tile's page + 1."""
+"""Table entry of a missing tile that is requested. Other entries: 0 for a missing tile, else its page + 1."""
 MAX_TILE_REQUESTS = 1 << 16
-"""Most tiles that one frame can request; the others are requested again."""
+"""Most tiles that one frame can request; further ones are requested later."""
 LATE_TILE_REQUESTS = 1 << 12
-"""Most tiles that one frame can request where frames do not wait: such a frame decodes few."""
+"""Most tiles that one frame can request if frames do not wait, because such a frame decodes few."""
 PALETTE_STEPS = 32
 """Number of entries of a palette as shaders read it."""
 MATERIAL_SHIFT = 16
-"""The visibility buffer's first word: texture id + 1 in the low bits, material + 1 above this bit."""
+"""Bit from which the visibility buffer's first word holds material + 1; below it is texture id + 1."""
 LARGEST_ID = 65534
-"""Most textures, and most materials, that the visibility buffer can name."""
+"""Largest number of textures, and of materials, in the visibility buffer."""
 MOST_LIGHTS = 64
-"""Most lights of a scene that light it, besides the sun."""
+"""Most lights of a scene that are drawn, besides the sun."""
 MAP_BITS: dict[MapName, int] = {name: 1 << number for number, name in enumerate(MAPS)}
-"""A bit for each map, for choosing among them."""
+"""Bit of each map in sets of maps."""
 BUCKET_DEPTHS = 4096
-"""Texture arrays of the reference pass are distinguished by depth, in steps of 1 / BUCKET_DEPTHS."""
+"""Number of steps of depth by which the reference pass distinguishes texture arrays."""
 
 PLANE_RECORD = np.dtype(
     [
@@ -148,7 +147,7 @@ PLANE_RECORD = np.dtype(
         *((name, "<f4", (4,)) for name in ("uv_u", "uv_v")),
     ]
 )
-"""Record of one plane of a material's maps: std430, 64 bytes. `components` has a bit for each component that the material reads,
+"""Record of one plane of a material's maps: std430, 64 bytes. `components` has a bit for each component that the material reads;
 the others are neutral. `uv_u` and `uv_v` hold (a, b, c, unused) of `PlaneTexture.uv_transform`."""
 
 MATERIAL_RECORD = np.dtype(
@@ -163,8 +162,8 @@ MATERIAL_RECORD = np.dtype(
 )
 """Record of a material: std430, 288 bytes. `emissive`: RGB, strength of occlusion. `surface`: roughness, metalness, scale of normals,
 transmission. `specular`: reflectance of a dielectric at normal incidence (RGB), and at grazing incidence.
-`missing_base`: 1 where a pattern stands for the base colour. `alike`: for each plane, in two bits, the number of the first one that
-is read from the same texture at the same texels."""
+`missing_base`: 1 if a checkerboard replaces the base colour. `alike`: two bits for each plane, the number of the first plane that
+reads the same texture at the same texels."""
 
 REQUEST_RECORD = np.dtype([("uv", "<f4", (2,)), ("lod", "<f4"), ("texture_wrap", "<i4")])
 """Record of one texel to decode: `texture_wrap` = texture * 16 + wrap_u * 4 + wrap_v."""
@@ -183,8 +182,8 @@ BIN_RECORD = np.dtype(
         for name in ("groups_x", "groups_y", "groups_z", "pixels", "first", "counted", "placed", "padding_0")
     ]
 )
-"""Record of one decoder's pixels: std430, 32 bytes. It starts with the arguments of an indirect dispatch; `pixels` of the list from
-`first` on are its own. `counted` and `placed` are at work while a frame is binned, and 0 between frames."""
+"""Record of one decoder's bin: std430, 32 bytes. It starts with the arguments of an indirect dispatch. The bin has `pixels` entries
+of the list from `first` on. `counted` and `placed` are counters while a frame is binned, and 0 between frames."""
 
 
 def texture_ids_of(words: NDArray[np.uint32]) -> NDArray[np.int32]:
@@ -209,7 +208,7 @@ _NESTED = {PLANE_RECORD: "PlaneRecord"}
 
 
 def scene_layout_glsl(groups_across: int = GROUPS_ACROSS) -> str:
-    """Return the include `generated/layout.glsl`: bindings, units, codes and the records that do not depend on a codec.
+    """Return the include `generated/layout.glsl`: bindings, units, codes and records that no codec changes.
 
     `groups_across`: work groups in a row of a dispatch, as `Limits` has them.
     """
@@ -263,7 +262,7 @@ def scene_layout_glsl(groups_across: int = GROUPS_ACROSS) -> str:
 
 
 def scene_includes(groups_across: int = GROUPS_ACROSS) -> dict[str, str]:
-    """Return the generated includes of all shaders that need no codec, by name."""
+    """Return the generated includes of shaders that need no codec, by name."""
     return {
         "generated/decoding.glsl": decoding_layout_glsl(),
         "generated/layout.glsl": scene_layout_glsl(groups_across),

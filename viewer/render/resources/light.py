@@ -23,7 +23,7 @@ LINEAR = (moderngl.LINEAR, moderngl.LINEAR)
 
 
 class EnvironmentMaps:
-    """Textures of one environment, of which `PrefilterPass` writes `maps`."""
+    """Textures of one environment: the panorama, and the prefiltered maps that PrefilterPass writes."""
 
     def __init__(self, context: GraphicsContext, size: PrefilterSize, panorama_width: int) -> None:
         """Allocate the textures; `panorama_width`: texels across, twice the height. Raises GpuMemoryError."""
@@ -32,7 +32,7 @@ class EnvironmentMaps:
         table = np.ascontiguousarray(brdf_table(), np.float32)
         with memory.transaction():
             self.panorama = memory.texture(what, (panorama_width, panorama_width // 2), 3, dtype="f2", alignment=2)
-            # Between maps are texels that nothing writes; what is kept on disk must not depend on what memory held before.
+            # Nothing writes the texels between the maps. They must be defined, because the disk cache stores them.
             zeros = bytes(16 * math.prod(size.texture_size))
             self.maps = memory.texture(what, size.texture_size, 4, zeros, dtype="f4")
             self.table = memory.texture(what, (table.shape[1], table.shape[0]), 2, table.tobytes(), dtype="f4")
@@ -43,7 +43,7 @@ class EnvironmentMaps:
 
     @property
     def tiles(self) -> NDArray[np.float32]:
-        """[levels + 1, 4]: left, top, width and height of each map's first face without its border, in shares of `maps`."""
+        """[levels + 1, 4] left, top, width and height of each map's first face without border, relative to the size of `maps`."""
         width, height = self.size.texture_size
         rows = [
             (1.0 / width, (top + 1) / height, side / width, side / height)
@@ -56,7 +56,7 @@ class EnvironmentMaps:
         self.panorama.write(np.ascontiguousarray(pixels, np.float16).tobytes())
 
     def bind(self, program: moderngl.Program, turn: float) -> None:
-        """Bind all for shaders/lighting/environment.glsl, turned by `turn` degrees from north towards east."""
+        """Bind the textures for shaders/lighting/environment.glsl, turned by `turn` degrees from north towards east."""
         self.panorama.use(int(TextureUnit.PANORAMA))
         self.maps.use(int(TextureUnit.ENVIRONMENT))
         self.table.use(int(TextureUnit.BRDF_TABLE))
@@ -76,7 +76,7 @@ class EnvironmentMaps:
 SHADOW_SIDE: Final = 2048
 """Side of the shadow map in texels."""
 MARGIN: Final = 0.01
-"""Margin on each side, as a share of the scene's extent."""
+"""Margin on each side of the shadow map, relative to the scene's extent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class ShadowView:
     matrix: NDArray[np.float64]
     """[4, 4] world to clip."""
     texel: float
-    """Width of a texel of the map in the world, the longer side."""
+    """Longer side of a texel of the map, in world units."""
 
     @property
     def to_map(self) -> NDArray[np.float64]:
@@ -125,12 +125,12 @@ class ShadowMap:
         with context.memory.transaction():
             self.depth = context.memory.depth_texture(what, (side, side))
             self.framebuffer = context.memory.framebuffer(what, [], self.depth)
-        # Shaders compare for themselves.
+        # Shaders compare depths themselves.
         self.depth.compare_func = ""
         self.depth.repeat_x = self.depth.repeat_y = False
 
     def read(self) -> NDArray[np.float32]:
-        """Return [side, side] float32 depth in [0, 1], row 0 at the bottom."""
+        """Return the depths: [side, side] float32 in [0, 1], row 0 at the bottom."""
         return np.frombuffer(self.depth.read(), np.float32).reshape(self.depth.size[1], self.depth.size[0])
 
     def release(self) -> None:
@@ -142,16 +142,16 @@ class ShadowMap:
 LIGHT_RECORD = np.dtype(
     [("color", "<f4", (4,)), ("position", "<f4", (4,)), ("direction", "<f4", (4,)), ("cone", "<f4", (4,))]
 )
-"""Record of a light: std140, 64 bytes, see shaders/lighting/lights.glsl."""
+"""Record of a light (shaders/lighting/lights.glsl): std140, 64 bytes."""
 
 
 @dataclass(frozen=True)
 class SurfaceKinds:
-    """Kinds of factors that any material of a scene has. Shaders leave out the others: each pixel costs what its shader could need."""
+    """Kinds of factors that some material of a scene has. Shaders leave out the others, because every pixel would pay for them."""
 
     clearcoat: bool = False
     specular: bool = True
-    """True where a material has another reflectance than that of ior 1.5, or transmission."""
+    """True if a material has another reflectance than that of ior 1.5, or transmission."""
     emissive: bool = True
     unlit: bool = True
 
@@ -161,24 +161,24 @@ class SurfaceKinds:
         factors = [material.factors for material in materials]
         plain = SurfaceFactors()
         return SurfaceKinds(
-            any(own.clearcoat > 0.0 for own in factors),
+            any(each.clearcoat > 0.0 for each in factors),
             any(
-                (own.ior, own.specular, own.specular_color, own.transmission)
+                (each.ior, each.specular, each.specular_color, each.transmission)
                 != (plain.ior, plain.specular, plain.specular_color, plain.transmission)
-                for own in factors
+                for each in factors
             ),
-            any(max(own.emissive) > 0.0 for own in factors),
+            any(max(each.emissive) > 0.0 for each in factors),
             any(material.unlit for material in materials),
         )
 
     def defines(self) -> dict[str, int]:
         """Return the defines of shaders/passes/shade/shade.frag."""
-        return {own.name.upper(): int(getattr(self, own.name)) for own in fields(self)}
+        return {kind.name.upper(): int(getattr(self, kind.name)) for kind in fields(self)}
 
 
 @dataclass(frozen=True)
 class SceneLight:
-    """Light of a view, as the shading pass reads it. Equal values light a scene alike."""
+    """Light of a view, as the shading pass reads it. Equal values give equal light."""
 
     environment_key: str
     """Key of the environment that the maps show."""
@@ -186,13 +186,13 @@ class SceneLight:
     """Turn of the environment in degrees from north towards east."""
     sun: Sun
     shows_sun: bool
-    """True where the sun's disk is drawn in front of the environment."""
+    """True if the sun's disk is drawn in front of the environment."""
     exposure: float
     """Exposure in stops."""
     tone_map: ToneMap
     environment: EnvironmentMaps = field(compare=False)
     shadow: ShadowMap | None = None
-    """Shadow map, which follows from the sun; None where nothing casts shadows."""
+    """Shadow map of the sun; None if the sun does not shine."""
     shadow_view: ShadowView | None = field(default=None, compare=False)
     lights: tuple[Light, ...] = ()
     kinds: SurfaceKinds = SurfaceKinds()
@@ -201,7 +201,7 @@ class SceneLight:
 
 
 def light_records(lights: tuple[Light, ...], eye: NDArray[np.float64]) -> NDArray[np.void]:
-    """Return [MOST_LIGHTS] LIGHT_RECORD of the first MOST_LIGHTS lights, with places relative to `eye` [3]."""
+    """Return [MOST_LIGHTS] LIGHT_RECORD of the first MOST_LIGHTS lights, with positions relative to `eye` [3]."""
     records = np.zeros(MOST_LIGHTS, LIGHT_RECORD)
     for record, light in zip(records, lights, strict=False):
         axis = np.array(light.direction, np.float64)
@@ -213,7 +213,7 @@ def light_records(lights: tuple[Light, ...], eye: NDArray[np.float64]) -> NDArra
             continue
         record["position"] = (*(np.array(light.position) - eye), 1.0)
         record["color"][3] = 1.0 / light.reach**2 if light.reach > 0.0 else 0.0
-        # Without a cone: 0 times the cosine, plus 1.
+        # A light without a cone has the factor 0 * cosine + 1.
         scale, offset = 0.0, 1.0
         if light.kind == "spot":
             scale = 1.0 / max(0.001, math.cos(light.inner_cone) - math.cos(light.outer_cone))

@@ -1,4 +1,11 @@
-"""What path `on-load` compresses of a pack: formats of a plane's maps, arrays of textures, and pieces of mips, coarse ones first."""
+"""Plan of path `on-load`: the block formats of a plane's maps, the texture arrays, and the order of compression.
+
+Path `on-load` decodes each texture once and compresses it to BC7, BC5 or BC4, which the hardware samples. Textures of equal size and
+sampler share an array of at most ARRAY_BYTES, because an array is allocated as a whole. The work is cut into pieces of at most
+PIECE_TILES tiles: one or more rows of tiles of a mip. A piece is decoded into a tile atlas, compressed there, and copied to its array.
+Pieces of coarse mips come first, so a texture is visible soon, and sharper with each frame. See
+docs/explanation/decode-paths.md#path-on-load-block-compression-on-the-gpu.
+"""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,9 +25,9 @@ from viewer.render.resources.layout import TILE_SIDE
 from viewer.scene.model import Material, Sampler
 
 ARRAY_BYTES = 1 << 27
-"""Size limit in bytes of an array of compressed textures, unless one layer takes more."""
+"""Size limit of an array of compressed textures in bytes, unless one layer is larger."""
 PIECE_TILES = 896
-"""Most tiles of a piece of a mip, unless one row of tiles is longer: about as many as a layer of the atlas holds."""
+"""Most tiles of a piece, unless one row of tiles is longer. A layer of the atlas holds about so many."""
 
 
 FORMAT_OF_CHANNELS: dict[int, GpuBlockFormat] = {1: "bc4", 2: "bc5", 3: "bc7"}
@@ -28,17 +35,17 @@ FORMAT_OF_CHANNELS: dict[int, GpuBlockFormat] = {1: "bc4", 2: "bc5", 3: "bc7"}
 
 @dataclass(frozen=True)
 class StoredPart:
-    """Components of a plane that are stored in one texture."""
+    """Components of a plane that one compressed texture stores."""
 
     block_format: GpuBlockFormat
     components: range
-    """Components of the plane's four."""
+    """Range among the plane's four components."""
 
 
 def stored_parts(plane: Plane, maps: Sequence[MapName], channels: int) -> tuple[StoredPart, ...]:
-    """Return the one or two textures that hold a plane of textures with these maps and channels; none where they have none of it.
+    """Return the compressed textures, up to two, that store a plane of textures with these maps and channels.
 
-    Colours are in BC7, normals in BC5, roughness and metalness in BC5 or, where one of them is alone, in BC4, occlusion in BC4.
+    Formats: BC7 for colours, BC5 for normals, BC5 for roughness and metalness (BC4 for only one of them), BC4 for occlusion.
     """
     components_held = plane_channels(maps, channels).get(plane, {})
     held = [each for each in MAP_TABLE if each.plane == plane and each.component in components_held]
@@ -56,7 +63,7 @@ def stored_parts(plane: Plane, maps: Sequence[MapName], channels: int) -> tuple[
 
 @dataclass(frozen=True)
 class LoadedKey:
-    """Texture of the scene, as materials with one sampler read it."""
+    """Texture of the scene with one sampler."""
 
     texture: int
     sampler: Sampler
@@ -64,7 +71,7 @@ class LoadedKey:
 
 @dataclass(frozen=True)
 class MipRows:
-    """Rows of tiles of a mip."""
+    """Piece of a mip: some rows of tiles."""
 
     key: LoadedKey
     level: int
@@ -74,7 +81,7 @@ class MipRows:
     across: int
     """Number of tiles in a row."""
     size: tuple[int, int]
-    """Size in texels."""
+    """(width, height) in texels."""
 
     @property
     def tiles(self) -> int:
@@ -89,7 +96,7 @@ class MipRows:
 
 @dataclass(frozen=True, eq=False)
 class LoadPlan:
-    """Places of the textures of one plane of a pack, and their mips."""
+    """Places and mips of the textures of one plane of a pack."""
 
     parts: tuple[StoredPart, ...]
     arrays: Mapping[int, ImageArrayPlan]
@@ -97,7 +104,7 @@ class LoadPlan:
     places: Mapping[LoadedKey, tuple[int, int]]
     """(array, layer) of each texture."""
     levels: Mapping[int, tuple[LatentLevel, ...]]
-    """Mips by texture of the scene, the finest first."""
+    """Mips by texture id of the scene, the finest first."""
     keys: Mapping[int, LoadedKey]
     """Texture by material; materials that read none are absent."""
     materials: int
@@ -105,21 +112,21 @@ class LoadPlan:
 
     @staticmethod
     def of(materials: Sequence[Material], pack: Pack, match: PackMatch, plane: Plane) -> "LoadPlan":
-        """Make the plan of all materials whose texture `pack` holds in a plane."""
+        """Make the plan for all materials whose texture in this plane is in `pack`."""
         keys: dict[int, LoadedKey] = {}
         levels: dict[int, tuple[LatentLevel, ...]] = {}
         members: dict[tuple[tuple[int, int], Sampler], list[LoadedKey]] = defaultdict(list)
         for number, material in enumerate(materials):
-            own = material.plane(plane)
-            index = match.texture_index[own.texture_id] if own is not None else -1
-            if own is None or index < 0:
+            plane_texture = material.plane(plane)
+            index = match.texture_index[plane_texture.texture_id] if plane_texture is not None else -1
+            if plane_texture is None or index < 0:
                 continue
             texture = pack.textures[index]
             if plane not in plane_channels(texture.maps, texture.channels):
                 continue
-            key = keys[number] = LoadedKey(own.texture_id, own.sampler)
-            levels[own.texture_id] = tuple(texture_levels(texture, pack.config))
-            same = members[(texture.width, texture.height), own.sampler]
+            key = keys[number] = LoadedKey(plane_texture.texture_id, plane_texture.sampler)
+            levels[plane_texture.texture_id] = tuple(texture_levels(texture, pack.config))
+            same = members[(texture.width, texture.height), plane_texture.sampler]
             if key not in same:
                 same.append(key)
         parts = stored_parts(plane, pack.config.maps, pack.config.output_channels)
@@ -142,17 +149,17 @@ class LoadPlan:
         return dict.fromkeys(self.keys[number] for number in materials if number in self.keys)
 
     def pieces(self, key: LoadedKey) -> list[MipRows]:
-        """Return the pieces of all mips of a texture, the coarsest mip first."""
-        found = []
+        """Return the pieces of all mips of a texture, the coarsest first."""
+        pieces = []
         for number, level in reversed(list(enumerate(self.levels[key.texture]))):
             width, height = level.texel_width, level.texel_height
             across, down = -(-width // TILE_SIDE), -(-height // TILE_SIDE)
             rows = max(1, PIECE_TILES // across)
             for top in range(0, down, rows):
-                own = min(rows, down - top)
-                size = (width, min(own * TILE_SIDE, height - top * TILE_SIDE))
-                found.append(MipRows(key, number, top, own, across, size))
-        return found
+                row_count = min(rows, down - top)
+                size = (width, min(row_count * TILE_SIDE, height - top * TILE_SIDE))
+                pieces.append(MipRows(key, number, top, row_count, across, size))
+        return pieces
 
 
 def tile_grid(piece: MipRows) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -1,4 +1,4 @@
-"""A pack on the GPU: records, latents and weights in storage buffers, and each decoder as a range of a uniform buffer."""
+"""Buffers of a pack: records, latents and weights as storage buffers, and each decoder as a range of a uniform buffer."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
@@ -10,7 +10,7 @@ from ntc.codec.gpu import WEIGHT_COLUMN_BITS, DecoderVariant, DecodingBinding, D
 from ntc.codec.maps import PLANES, Plane
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.registry import codec_of
-from viewer.gl.allocation import GpuMemory, GpuMemoryError, repicking
+from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
@@ -23,9 +23,9 @@ ALL_LATENTS = LatentBudget(1 << 62)
 
 
 class PackBuffers:
-    """Buffers of one pack for a table of textures: slot i is the pack's texture `texture_index[i]`, or none for -1.
+    """Buffers of one pack for a table of textures. Slot i is the pack's texture `texture_index[i]`; -1: empty slot.
 
-    All latents are uploaded at once, or with `on_demand` those that `need` names.
+    All latents are uploaded at once; with `on_demand`, those that `ensure_resident` names.
     """
 
     def __init__(
@@ -39,33 +39,33 @@ class PackBuffers:
         on_demand: LatentBudget | None = None,
         rescale: bool = True,
     ) -> None:
-        """Upload the pack; `variant` is what the programs are generated for; None: that of the renderer.
+        """Upload the pack. `variant`: that of the programs (None: the one for the driver).
 
-        Without `rescale` weights are stored as they are, even if halves overflow: for measuring what rescaling is worth.
+        Without `rescale`, weights are stored unchanged even if halves overflow, for measuring the gain of rescaling.
         """
         self._context, self._memory, self._rescale = context, context.memory, rescale
         self.precision = precision
         self.pack = self.stored(pack)
-        """Pack as it is stored in this precision."""
+        """Pack in the stored form of this precision."""
         self._texture_index = tuple(texture_index)
         self._tables = codec_of(pack.config).gpu_tables(pack.config, precision)
         self.network_blocks = self._tables.loop_length
         """Value of the decoding shaders' uniform of that name."""
         self.decodes_quads = self._tables.decodes_quads
-        """True where tiles are decoded four texels at a time (shaders/passes/decode_cached/decode.comp)."""
+        """True if an invocation decodes four texels of a tile (shaders/passes/decode_cached/decode.comp)."""
         self.variant = variant or decoder_variant(context)
         self.shares_decoders = self._tables.shares_decoders
-        """True where programs read one decoder at a time, whose range is bound."""
+        """True if programs read one decoder at a time, from a bound range."""
         self.decodes_together = bool(self._tables.together_shader and self.variant.together)
-        """True where a work group decodes the codes that its pixels read once (`decode_together`)."""
+        """True if a work group decodes each code once for all of its pixels (`decode_together`)."""
         self.defines = {
             **precision_defines(context, self._tables.precision, emulate_half),
             "WEIGHTS_IN_IMAGE": int(self.variant.weights == "image"),
-            # Without compute shaders, buffers are read as textures anyway.
+            # Without compute shaders, buffers are read as textures in any case.
             "LATENTS_IN_IMAGE": int(self.variant.weights == "image" and context.features.compute),
         }
         with context.memory.transaction():
-            # Only textures of the table are uploaded: latents of other scenes' textures take no memory.
+            # Only textures of the table are uploaded, not those that the pack holds for other scenes.
             textures = [self.pack.textures[index] if index >= 0 else None for index in texture_index]
             self.latent_store = LatentStore(context, self._tables, textures, on_demand or ALL_LATENTS)
             self._latent_image = LatentImage(self.latent_store) if self.defines["LATENTS_IN_IMAGE"] else None
@@ -83,15 +83,15 @@ class PackBuffers:
             if on_demand is None:
                 self.ensure_resident(self.latent_store.all_levels())
                 if not self.latent_store.has(self.latent_store.all_levels()):
-                    # Measurements need all of them: coarser mips in their place would give wrong numbers.
+                    # Measurements need all mips. Coarser ones would give wrong numbers.
                     raise GpuMemoryError(self.latent_store.refusal)
 
     def stored(self, pack: Pack) -> Pack:
-        """Return `pack` as these buffers store it: rescaled where the precision needs that."""
+        """Return `pack` in the stored form of these buffers: rescaled if the precision needs it."""
         return codec_of(pack.config).stored_pack(pack, self.precision) if self._rescale else pack
 
     def _textures(self, pack: Pack) -> Iterator[tuple[int, EncodedTexture]]:
-        """Yield slot of the table and texture, for all that `pack`, a version of this pack, holds."""
+        """Yield (slot, texture) of a version of this pack, without empty slots."""
         return ((slot, pack.textures[index]) for slot, index in enumerate(self._texture_index) if index >= 0)
 
     def _fill_records(self) -> None:
@@ -114,12 +114,12 @@ class PackBuffers:
 
     @property
     def decoder_of_texture(self) -> NDArray[np.int32]:
-        """[slots of the table] int32: decoder of each texture, -1 where nothing is decoded."""
+        """[slots of the table] int32 decoder of each texture, -1 for empty slots."""
         decoders: NDArray[np.int32] = self._records["decoder"][: len(self._texture_index)]
         return decoders
 
     def plane_components(self, plane: Plane) -> NDArray[np.int32]:
-        """Return [slots of the table] int32: a bit for each of the plane's four components that the texture holds."""
+        """Return a bit for each of the plane's four components that a texture holds: [slots of the table] int32."""
         bits: NDArray[np.int32] = (self._records["components"] >> (4 * PLANES.index(plane))) & 15
         return bits
 
@@ -128,10 +128,10 @@ class PackBuffers:
         return {slot: texture for slot, texture in self._textures(pack) if texture.group in groups}
 
     def replace_weights(self, pack: Pack, groups: Collection[int]) -> int:
-        """Decode with the decoders, adapters and value ranges of `pack`, which replaces this pack and is stored as `stored` gives it.
+        """Replace decoders, adapters and value ranges by those of `pack`, a newer version in the form of `stored`.
 
         `groups` are those that differ. Only their weights and records are uploaded, or all where textures have changed groups.
-        Gives the bytes uploaded. Raises GpuMemoryError, with nothing changed.
+        Return the number of bytes uploaded. Raises GpuMemoryError, with nothing changed.
         """
         old, self.pack = self.pack, pack
         if [t.group for t in old.textures] != [t.group for t in pack.textures] or len(old.decoders) != len(
@@ -145,7 +145,7 @@ class PackBuffers:
             self._weights.release()
             self._weights = weights
             self._fill_records()
-            repicking(self._record_buffers[DecodingBinding.TEXTURES], self._records.tobytes())
+            replace_content(self._record_buffers[DecodingBinding.TEXTURES], self._records.tobytes())
             return self._records.nbytes + self._weight_bytes
         self._fill_records()
         uploaded = 0
@@ -178,30 +178,30 @@ class PackBuffers:
 
     @property
     def bytes_by_part(self) -> dict[str, int]:
-        """Numbers of bytes on the GPU by their use; adapters count as decoders."""
+        """Numbers of bytes on the GPU by use; adapters count as decoders."""
         tables = sum(buffer.size for buffer in self._record_buffers.values())
         parts = {"latents": self.latent_store.buffer.size, "decoders": self._weight_bytes, "tables": tables}
         return parts if self._latent_image is None else {**parts, "image of latents": self._latent_image.size}
 
     def ensure_resident(self, wanted: Mapping[int, int]) -> bool:
-        """Upload what is missing of these mips, given as finest mip by texture; return whether anything was. Raises GpuMemoryError."""
+        """Upload the missing ones of these mips (finest mip by texture); return whether any was missing. Raises GpuMemoryError."""
         changed = self.latent_store.ensure_resident(wanted)
         if changed:
             self.note_latents()
         return changed
 
     def note_latents(self) -> None:
-        """Upload which mips are there, and where, after the store has changed. Raises GpuMemoryError."""
+        """Upload the table of resident mips and their places, after the store has changed. Raises GpuMemoryError."""
         finest = self.latent_store.finest
         last = np.maximum(self._records["levels"][: len(finest)] - 1, 0)
         self._records["finest_level"][: len(finest)] = np.minimum(finest, last)
-        repicking(self._record_buffers[DecodingBinding.TEXTURES], self._records.tobytes())
-        repicking(self._record_buffers[DecodingBinding.LEVELS], self.latent_store.levels.tobytes())
+        replace_content(self._record_buffers[DecodingBinding.TEXTURES], self._records.tobytes())
+        replace_content(self._record_buffers[DecodingBinding.LEVELS], self.latent_store.levels.tobytes())
         if self._latent_image is not None:
             self._latent_image.update()
 
     def bind_records(self) -> None:
-        """Bind the records of textures and mips, for shaders that decode nothing (ntc/records.glsl)."""
+        """Bind the records of textures and mips, for shaders that do not decode (ntc/records.glsl)."""
         for binding, buffer in self._record_buffers.items():
             self._context.bind_storage(buffer, int(binding))
 
@@ -233,35 +233,35 @@ def weight_image(memory: GpuMemory, weights: bytes, tables: GpuTables) -> modern
 
 
 def scene_programs(context: GraphicsContext) -> ProgramFactory:
-    """Return the programs of all shaders that need no codec, in the GLSL of this driver."""
+    """Return the factory of shaders that need no codec, in the GLSL version of the driver."""
     generated = scene_includes(context.memory.limits.groups_across)
     library = ShaderLibrary(shaders_folder(), generated, older=not context.features.compute)
     return ProgramFactory(context.gl, library, context.functions)
 
 
 def codec_programs(factory: ProgramFactory, pack: Pack, variant: DecoderVariant) -> ProgramFactory:
-    """Return `factory` with the includes that the decoding shaders need for the codec of `pack`, laid out as `variant` says."""
+    """Return `factory` with the decoding includes for the codec of `pack`, in the layout of `variant`."""
     return factory.with_generated(codec_of(pack.config).gpu_tables(pack.config).includes(variant))
 
 
 LARGEST_ALIGNMENT = 256
-"""Largest alignment of a buffer range in bytes that an implementation may ask for (OpenGL 4.3, table 23.57)."""
+"""Largest alignment of a buffer range in bytes that a driver may require (OpenGL 4.3, table 23.57)."""
 
 
 class DecoderRanges:
-    """Decoders of a pack, each at an aligned place of a uniform buffer: its weights, or their place among all weights."""
+    """Decoders of a pack as aligned ranges of a uniform buffer: each holds the weights, or their place among all weights."""
 
     def __init__(
         self, context: GraphicsContext, pack: Pack, precision: Precision, variant: DecoderVariant | None = None
     ) -> None:
-        """Upload the pack; `variant` is what the programs are generated for; None: that of the renderer."""
+        """Upload the decoders of the pack. `variant`: that of the programs (None: the one for the driver)."""
         codec = codec_of(pack.config)
         tables = codec.gpu_tables(pack.config, precision)
         variant = variant or decoder_variant(context)
         self.pixels = variant.pixels
         self._memory, self._tables = context.memory, tables
         blocks = tables.decoder_blocks
-        # Halves are read in pairs of blocks, and there may be an odd number of those.
+        # Halves are read in pairs of blocks, and the number of blocks may be odd.
         stored = blocks * 16 if precision == "fp32" else (blocks + 1) // 2 * 16
         fits = stored <= context.features.uniform_block_bytes
         self._places_only = not (tables.shares_decoders and variant.weights == "uniforms" and fits)
@@ -283,7 +283,7 @@ class DecoderRanges:
         return self._memory.buffer("decoders", b"".join(ranges) or bytes(self._stride))
 
     def replace(self, pack: Pack, groups: Collection[int]) -> int:
-        """Hold the decoders of `pack` (of `Codec.stored_pack`), of which `groups` differ; return the number of bytes uploaded.
+        """Replace the decoders by those of `pack` (from `Codec.stored_pack`); `groups` differ. Return the number of bytes uploaded.
 
         Raises GpuMemoryError, with nothing changed.
         """
@@ -303,7 +303,7 @@ class DecoderRanges:
         return self._buffer.size
 
     def bind(self, decoder: int) -> None:
-        """Let shaders read this decoder."""
+        """Bind the range of this decoder."""
         place = {"offset": decoder * self._stride, "size": self._size}
         self._buffer.bind_to_uniform_block(int(DecodingUniform.DECODER), **place)
 

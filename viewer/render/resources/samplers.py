@@ -1,4 +1,4 @@
-"""Samplers of OpenGL for those of glTF, each distinct one made once."""
+"""OpenGL samplers for glTF samplers."""
 
 import moderngl
 
@@ -16,9 +16,9 @@ _MINIFY = {
 
 
 class SamplerCache:
-    """Samplers by glTF sampler and anisotropy.
+    """Cache of OpenGL samplers, by glTF sampler and anisotropy.
 
-    `mirror` becomes clamping: shaders fold coordinates first (`wrap_coordinate`), which leaves only edges to clamp.
+    Wrap mode `mirror` becomes clamping, because shaders fold the coordinates before (`wrap_coordinate`).
     """
 
     def __init__(self, context: GraphicsContext) -> None:
@@ -27,7 +27,7 @@ class SamplerCache:
         self._samplers: dict[tuple[Sampler, int], moderngl.Sampler] = {}
 
     def get(self, sampler: Sampler, anisotropy: int = 1) -> moderngl.Sampler:
-        """Return the OpenGL sampler; `anisotropy` from 1 (none) to 16, as far as the driver has it."""
+        """Return the OpenGL sampler. `anisotropy`: 1 (none) to 16, limited by the driver."""
         anisotropy = min(anisotropy, self._most)
         key = (sampler, anisotropy)
         if key not in self._samplers:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ntc.codec.gpu import WRAP_CODES
 from ntc.codec.maps import MAP_CHANNELS, PLANE_COMPONENTS, PLANES, MapName, Plane
 from ntc.errors import InputError
-from viewer.gl.allocation import ALL_MIPS, repicking
+from viewer.gl.allocation import ALL_MIPS, replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.functions import GL_TRIANGLES, GL_UNSIGNED_INT, GL_UNSIGNED_SHORT
 from viewer.render.resources.coverage import PackedCoverage
@@ -29,22 +29,22 @@ from viewer.render.resources.samplers import SamplerCache
 from viewer.scene.model import Camera, Material, Sampler, Scene
 
 SMALLEST_MIP = 8
-"""Texels along the longer side, at most, of a mip that no coarser one needs to follow."""
+"""Largest side in texels of a mip that may be the last one of a pyramid."""
 COMPONENTS_OF_MAP: dict[MapName, int] = {**MAP_CHANNELS, "base": 4}
 """Number of components of a plane that each map takes."""
 
 
 def component_bits(plane: Plane, maps: tuple[MapName, ...]) -> int:
-    """Return a bit for each of the plane's four components that `maps` take."""
+    """Return the set of the plane's components that `maps` take, as a bit for each."""
     places = PLANE_COMPONENTS[plane]
     taken = [range(places[name], places[name] + COMPONENTS_OF_MAP[name]) for name in maps if name in places]
     return sum(1 << component for part in taken for component in part)
 
 
 def dielectric_reflectance(material: Material) -> tuple[float, float, float, float]:
-    """Return the reflectance of a material where it is no metal: linear RGB at normal incidence, and at grazing incidence.
+    """Return the reflectance of a dielectric: linear RGB at normal incidence, then the one at grazing incidence.
 
-    KHR_materials_ior and KHR_materials_specular.
+    See KHR_materials_ior and KHR_materials_specular.
     """
     factors = material.factors
     plain = ((factors.ior - 1.0) / (factors.ior + 1.0)) ** 2 if factors.ior > 0.0 else 1.0
@@ -53,13 +53,13 @@ def dielectric_reflectance(material: Material) -> tuple[float, float, float, flo
 
 
 def alike_planes(material: Material) -> int:
-    """Return, for each plane, the number of the first that is read from the same texture at the same texels: two bits each."""
-    found = [None if own is None else replace(own, maps=()) for own in map(material.plane, PLANES)]
-    return sum(found.index(own) << 2 * number for number, own in enumerate(found))
+    """Return two bits for each plane: the number of the first plane that reads the same texture at the same texels."""
+    readings = [None if reading is None else replace(reading, maps=()) for reading in map(material.plane, PLANES)]
+    return sum(readings.index(reading) << 2 * number for number, reading in enumerate(readings))
 
 
 def material_records(scene: Scene) -> np.ndarray:
-    """Return [materials] MATERIAL_RECORD; `image_array` and `image_layer` of planes are left to the reference pass."""
+    """Return [materials] MATERIAL_RECORD; the reference pass fills in `image_array` and `image_layer`."""
     records = np.zeros(max(1, len(scene.materials)), MATERIAL_RECORD)
     records["planes"]["uv_u"][..., 0] = records["planes"]["uv_v"][..., 1] = 1.0
     records["planes"]["texture_id"] = records["planes"]["image_array"] = -1
@@ -74,18 +74,21 @@ def material_records(scene: Scene) -> np.ndarray:
         record["unlit"], record["missing_base"] = material.unlit, material.missing_base
         record["clearcoat"], record["clearcoat_roughness"] = factors.clearcoat, factors.clearcoat_roughness
         record["alike"] = alike_planes(material)
-        for own, plane in zip(record["planes"], PLANES, strict=True):
-            # Coverage is read as the base colour would be, also where there is none.
-            own["wrap_u"], own["wrap_v"] = (WRAP_CODES[mode] for mode in material.sampler.wrap)
-            found = material.plane(plane)
-            if found is None:
+        for plane_record, plane in zip(record["planes"], PLANES, strict=True):
+            # Coverage is read like the base colour, even without a base colour.
+            plane_record["wrap_u"], plane_record["wrap_v"] = (WRAP_CODES[mode] for mode in material.sampler.wrap)
+            plane_texture = material.plane(plane)
+            if plane_texture is None:
                 continue
-            own["texture_id"] = found.texture_id
-            own["wrap_u"], own["wrap_v"] = (WRAP_CODES[mode] for mode in found.sampler.wrap)
-            own["sampler_flags"] = sampler_flags(found.sampler)
-            own["components"] = component_bits(plane, found.maps)
-            own["second_uvs"] = found.second_uvs
-            own["uv_u"][:3], own["uv_v"][:3] = found.uv_transform[:3], found.uv_transform[3:]
+            plane_record["texture_id"] = plane_texture.texture_id
+            plane_record["wrap_u"], plane_record["wrap_v"] = (WRAP_CODES[mode] for mode in plane_texture.sampler.wrap)
+            plane_record["sampler_flags"] = sampler_flags(plane_texture.sampler)
+            plane_record["components"] = component_bits(plane, plane_texture.maps)
+            plane_record["second_uvs"] = plane_texture.second_uvs
+            plane_record["uv_u"][:3], plane_record["uv_v"][:3] = (
+                plane_texture.uv_transform[:3],
+                plane_texture.uv_transform[3:],
+            )
     return records
 
 
@@ -94,16 +97,16 @@ FIRST_INSTANCE_LOCATION = 3
 """Location of the first attribute of an instance in shaders/common/scene.vert."""
 INSTANCE_NAMES = ("transform_x", "transform_y", "transform_z", "instance_ids", "instance_aspect")
 VERTICES_AT_ONCE = 1 << 20
-"""Number of vertices that are prepared for the GPU in one piece."""
+"""Number of vertices that are interleaved and uploaded at once."""
 
 AnyDrawList = DrawList | GpuDrawList
 
 
 class SceneBuffers:
-    """Vertices, indices, one row for each instance, and the indirect commands of the current draw list."""
+    """Buffers of a scene: vertices, indices, instances, materials, and the draw commands of the current draw list."""
 
     def __init__(self, context: GraphicsContext, scene: Scene) -> None:
-        """Upload all but what only some views read. Raises InputError for more materials than can be named, GpuMemoryError."""
+        """Upload the scene except optional vertex data. Raises InputError for too many textures or materials, GpuMemoryError."""
         if max(len(scene.textures), len(scene.materials)) > LARGEST_ID:
             raise InputError(f"{scene.name}: has more than {LARGEST_ID} textures or materials; split the scene")
         self._context, self._gl, self._memory = context, context.gl, context.memory
@@ -122,7 +125,7 @@ class SceneBuffers:
         self._optional: dict[str, moderngl.Buffer] = {}
         """Buffers of vertex data that only some views read, by the attribute's name; uploaded when one does."""
         self.coverage = 0
-        """Version of what textures cover: it differs whenever a picture of masked or blended surfaces may."""
+        """Version of the textures' coverage; it changes whenever masked or blended surfaces may look different."""
         self._alpha: dict[int, moderngl.Texture] = {}
         self._packed: dict[int, PackedCoverage] = {}
         self._samplers = SamplerCache(context)
@@ -138,11 +141,11 @@ class SceneBuffers:
 
     @property
     def has_second_uvs(self) -> bool:
-        """True where some maps are found by another UV set than the others."""
+        """True if some maps use a second UV set."""
         return self._scene.geometry.second_uvs is not None
 
     def _optional_content(self, program: moderngl.Program) -> list[tuple[object, ...]]:
-        """Return the normals, tangents and second UVs that `program` reads. What the scene lacks is 0, OpenGL's own value."""
+        """Return the normals, tangents and second UVs that `program` reads. Absent attributes have OpenGL's default, 0."""
         geometry, content = self._scene.geometry, list[tuple[object, ...]]()
         for name, array in (
             ("normal", geometry.normals),
@@ -165,9 +168,9 @@ class SceneBuffers:
         return sum(array.shape[1] for array in (self._scene.geometry.positions, self._scene.geometry.uvs))
 
     def moving_buffers(self) -> tuple[moderngl.Buffer, moderngl.Buffer, moderngl.Buffer]:
-        """Return the buffers of positions, normals ([V, 3]) and tangents ([V, 4]); that of positions where the scene has no others.
+        """Return the buffers of positions, normals ([V, 3]) and tangents ([V, 4]); that of positions for absent ones.
 
-        From then on what is in them may differ from the scene's geometry. Raises GpuMemoryError.
+        After this call, their content may differ from the scene's geometry. Raises GpuMemoryError.
         """
         normals, tangents = self._scene.geometry.normals, self._scene.geometry.tangents
         return (
@@ -179,7 +182,7 @@ class SceneBuffers:
     def write_vertices(
         self, base: int, positions: np.ndarray, normals: np.ndarray | None, tangents: np.ndarray | None
     ) -> None:
-        """Replace the positions [V, 3] of the vertices from `base` on, and what else is given. Raises GpuMemoryError."""
+        """Replace positions [V, 3], and normals and tangents unless None, of the vertices from `base` on. Raises GpuMemoryError."""
         vertices, of_normals, of_tangents = self.moving_buffers()
         uvs = self._scene.geometry.uvs[base : base + len(positions)]
         rows = np.concatenate([positions, uvs], axis=1).astype("<f4")
@@ -228,14 +231,14 @@ class SceneBuffers:
             content += self._optional_content(program)
             if self._context.features.compute:
                 content.append((self._instances, INSTANCE_FORMAT, *INSTANCE_NAMES))
-            # A program that reads less than all attributes (no material, say) leaves them out.
+            # Attributes that a program does not read are skipped.
             self._arrays[program] = self._gl.vertex_array(
                 program, content, self._indices, index_element_size=self._index_bytes, skip_errors=True
             )
         return self._arrays[program]
 
     def take_coverage(self, packed: Mapping[int, PackedCoverage]) -> None:
-        """Draw what these textures, by their id, cover in packs; of all others what their images cover."""
+        """Use the packed coverage of these textures, by id, and the images' coverage of all others."""
         changed = {number for number in {*self._packed, *packed} if self._packed.get(number) != packed.get(number)}
         if changed:
             self.coverage += 1
@@ -257,7 +260,7 @@ class SceneBuffers:
         if not mips:
             self._memory.build_mipmaps(what, texture)
             return texture
-        # Averages would lose what thin parts cover: a whole pyramid ends where the pack's does.
+        # A pack's mips preserve the coverage of thin parts, which averaged mips lose. So a full pyramid ends where the pack's ends.
         is_whole = max(mips[-1].shape) <= SMALLEST_MIP
         self._memory.build_mipmaps(what, texture, len(mips) - 1 if is_whole else ALL_MIPS)
         for level, mip in enumerate(mips):
@@ -266,7 +269,7 @@ class SceneBuffers:
 
     @contextmanager
     def drawing(self, draw_list: AnyDrawList) -> Iterator[None]:
-        """Draw another list within the block; the list before is back after it."""
+        """Use another draw list within the block, then the previous one again."""
         before = self._draw_list
         self.upload(draw_list)
         try:
@@ -276,7 +279,7 @@ class SceneBuffers:
                 self.upload(before)
 
     def upload(self, draw_list: AnyDrawList) -> None:
-        """Take over the commands of a draw list; those that the GPU has written stay where they are."""
+        """Set the draw list, and upload its commands unless the GPU has written them."""
         self._draw_list, self._ranges = draw_list, draw_list.ranges
         if isinstance(draw_list, GpuDrawList):
             return
@@ -288,18 +291,18 @@ class SceneBuffers:
                 if self._commands is not None:
                     self._commands.release()
                 self._commands = made
-            repicking(self._commands, data)
+            replace_content(self._commands, data)
 
     def bind_materials(self) -> None:
         """Bind the materials to their storage binding."""
         self._context.bind_storage(self._materials, int(StorageBinding.MATERIALS))
 
     def upload_materials(self) -> None:
-        """Upload the records of the materials, which have changed."""
+        """Upload the changed records of the materials."""
         self._materials.write(self.materials.tobytes())
 
     def draw(self, opaque: moderngl.Program, alpha_tested: moderngl.Program) -> None:
-        """Draw the uploaded list: opaque buckets with one program, those that need an alpha test with the other."""
+        """Draw the current list: opaque buckets with one program, buckets with an alpha test with the other."""
         gl, draw_list = self._gl, self._draw_list
         for number, (bucket, first, count) in enumerate(self._ranges):
             needs_alpha = bucket.alpha_texture >= -1
@@ -322,7 +325,7 @@ class SceneBuffers:
         gl.front_face = "ccw"
 
     def _draw_one_by_one(self, array: moderngl.VertexArray, first: int, count: int) -> None:
-        """Draw commands of the list without indirect draws: OpenGL 4.1 has none that begin at another instance than the first."""
+        """Draw commands one by one, for OpenGL 4.1, which has no indirect draws with a base instance."""
         assert isinstance(self._draw_list, DrawList)
         call = self._context.functions
         call("glUseProgram", array.program.glo)
@@ -330,7 +333,7 @@ class SceneBuffers:
         kind = GL_UNSIGNED_INT if self._index_bytes == 4 else GL_UNSIGNED_SHORT
         for command in self._draw_list.commands[first : first + count]:
             row = self._rows[command["base_instance"]]
-            # Attributes without an array have one value for all vertices.
+            # Without an array, an attribute has one value for all vertices.
             for number, values in enumerate(row["transform"].tolist()):
                 call("glVertexAttrib4f", FIRST_INSTANCE_LOCATION + number, *values)
             call("glVertexAttribI4ui", FIRST_INSTANCE_LOCATION + 3, int(row["ids"]), 0, 0, 0)
@@ -354,7 +357,7 @@ class SceneBuffers:
 
 @dataclass(frozen=True)
 class CulledScene:
-    """Inputs of the visibility pass: the draw list that the scene buffers hold. Equal for equal views of one scene."""
+    """Inputs of the visibility pass: a view, and the draw list in the scene buffers. Equal for equal views."""
 
     camera: Camera
     size: tuple[int, int]
@@ -365,4 +368,4 @@ class CulledScene:
     sample: int = 0
     """Number of the pattern of thresholds that BLEND surfaces are drawn against, 0 to 15."""
     coverage: int = 0
-    """Version of what textures cover (`SceneBuffers.coverage`)."""
+    """Version of the textures' coverage (`SceneBuffers.coverage`)."""

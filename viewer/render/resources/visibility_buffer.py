@@ -1,4 +1,4 @@
-"""The visibility buffer: the surface of each pixel, as integer words and depth (docs/explanation/decode-paths.md)."""
+"""Visibility buffer: the surface of each pixel, as integer words and depth (docs/explanation/decode-paths.md)."""
 
 import ctypes
 from collections.abc import Mapping
@@ -22,19 +22,19 @@ from viewer.state.view_state import DEFAULT_LIGHTING, Lighting, MaterialView
 
 @dataclass(frozen=True)
 class SurfaceContent:
-    """Content of a visibility buffer besides ids, uv and footprint."""
+    """Optional content of a visibility buffer, besides ids, uv and footprint."""
 
     colors: bool
-    """True where the buffer holds vertex colours."""
+    """True if the buffer holds vertex colours."""
     gradients: bool
-    """True where the buffer holds changes of uv from pixel to pixel, for anisotropic filtering."""
+    """True if the buffer holds derivatives of uv, for anisotropic filtering."""
     frame: bool = False
-    """True where the buffer holds the surface's normal and tangent, for light."""
+    """True if the buffer holds the surface's normal and tangent, for light."""
     second_uvs: bool = False
-    """True where the buffer holds UV and footprint of another UV set."""
+    """True if the buffer holds uv and footprint of a second UV set."""
 
     def units(self) -> tuple[TextureUnit, ...]:
-        """Return the units of what is stored beside ids, uv and footprint, in the order of the attachments from 1 on."""
+        """Return the texture units of the optional content, in the order of the attachments from 1 on."""
         return tuple(unit for unit, (name, _, _) in CONTENT.items() if getattr(self, name))
 
     def defines(self) -> dict[str, int]:
@@ -50,23 +50,23 @@ CONTENT: dict[TextureUnit, tuple[str, int, Literal["u4", "f4"]]] = {
     TextureUnit.SURFACE_FRAME: ("frame", 2, "u4"),
     TextureUnit.SURFACE_SECOND_UVS: ("second_uvs", 4, "f4"),
 }
-"""Field of SurfaceContent, and number and type of the components, of each optional texture."""
+"""Optional textures: field of SurfaceContent, number of components, and their type."""
 
 
 @dataclass(frozen=True)
 class PlaneReading:
-    """Reading of surfaces by a pass that shows one plane of their maps, or several."""
+    """Settings of a pass that reads surfaces, for one plane of maps or several."""
 
     plane: Plane = "base"
     colors: bool = False
-    """True where the visibility buffer holds vertex colours."""
+    """True if the visibility buffer holds vertex colours."""
     second_uvs: bool = False
-    """True where the visibility buffer holds another UV set; only planes besides `base` read it."""
+    """True if the visibility buffer holds a second UV set; plane `base` does not read it."""
     has_several: bool = False
-    """True for a pass that shows several planes, whatever `plane` is."""
+    """True for a pass of several planes; `plane` has no effect then."""
 
     def defines(self) -> dict[str, int]:
-        """Return the defines of shaders that read surfaces so."""
+        """Return the defines of shaders that read surfaces."""
         second_uvs = self.second_uvs and (self.has_several or self.plane != "base")
         plane = {} if self.has_several else {"PLANE": CODED_PLANES.index(self.plane)}
         return {"VERTEX_COLORS": int(self.colors), "SECOND_UVS": int(second_uvs), **plane}
@@ -81,7 +81,7 @@ class VisibilityTarget:
         self.content = content
         with context.memory.transaction():
             self._make_textures(context.memory)
-        # A software renderer maps fresh memory at its first use: here, not in the first timed pass.
+        # A software renderer maps new memory at its first use, which should not be timed with a pass.
         self.clear()
 
     def _make_textures(self, memory: GpuMemory) -> None:
@@ -97,7 +97,7 @@ class VisibilityTarget:
         self.framebuffer = memory.framebuffer(what, list(self._textures.values()), self.depth)
 
     def clear(self) -> None:
-        """Set all pixels to background: zero ids, farthest depth. The other words of such a pixel are never read."""
+        """Set all pixels to background: ids 0, farthest depth. Nothing reads the other words of such a pixel."""
         self.framebuffer.use()
         self.framebuffer.clear(depth=1.0)
         # glClear is undefined for integer targets.
@@ -114,11 +114,11 @@ class VisibilityTarget:
             texture.use(int(unit))
 
     def words(self) -> NDArray[np.uint32]:
-        """Return [H, W, 4] uint32, row 0 on top: ids, uv and footprint of each pixel (docs/explanation/decode-paths.md)."""
+        """Return ids, uv and footprint of each pixel: [H, W, 4] uint32, row 0 on top (docs/explanation/decode-paths.md)."""
         return np.frombuffer(self._words.read(), np.uint32).reshape(self.size[1], self.size[0], 4)[::-1]
 
     def colors(self) -> NDArray[np.float64] | None:
-        """Return [H, W, 3] linear vertex colours, row 0 on top; None where the scene has none."""
+        """Return linear vertex colours: [H, W, 3], row 0 on top; None if the buffer has none."""
         if not self.content.colors:
             return None
         words = np.frombuffer(self._textures[TextureUnit.SURFACE_COLOR].read(), np.uint32)
@@ -127,16 +127,16 @@ class VisibilityTarget:
         return (roots / 1023.0) ** 2
 
     def frames(self) -> NDArray[np.uint32]:
-        """Return [H, W, 2] uint32, row 0 on top: normal and tangent, packed (shaders/common/frame.glsl). Raises KeyError without."""
+        """Return packed normal and tangent (shaders/common/frame.glsl): [H, W, 2] uint32, row 0 on top. Raises KeyError if absent."""
         words = np.frombuffer(self._textures[TextureUnit.SURFACE_FRAME].read(), np.uint32)
         return words.reshape(self.size[1], self.size[0], 2)[::-1]
 
     def read_id_bytes(self) -> bytes:
-        """Return the first word of every pixel, uint32, row 0 at the bottom: see `texture_ids_of`, `materials_of`."""
+        """Return the first word of every pixel, uint32, row 0 at the bottom, for `texture_ids_of` and `materials_of`."""
         return bytes(self.framebuffer.read(components=1, attachment=0, alignment=1, dtype="u4"))
 
     def words_in(self, pixels: tuple[int, int, int, int]) -> PicturePart:
-        """Return the words of a part of the picture: left, top, right, bottom from the upper left corner."""
+        """Return the words of a rectangle; `pixels`: left, top, right, bottom from the upper left corner."""
         return PicturePart(self.framebuffer, pixels, "u4")
 
     def texture_ids(self) -> NDArray[np.int32]:
@@ -157,7 +157,7 @@ class VisibilityTarget:
 
 @dataclass(frozen=True)
 class VisibilityInputs:
-    """Inputs of passes that colour the pixels of one view. Equal inputs show the same surfaces, filtered alike."""
+    """Inputs of passes that colour the pixels of a view. Equal inputs show the same surfaces with the same filter."""
 
     visibility: VisibilityTarget
     """Visibility buffer of the view, with gradients where `anisotropy` is above 1."""
@@ -165,13 +165,13 @@ class VisibilityInputs:
     camera: Camera | None = None
     """Camera of the view; None for a visibility buffer that no camera drew."""
     version: int = 0
-    """Version that changes whenever the visibility buffer may hold something else."""
+    """Version that changes whenever the content of the visibility buffer may change."""
     anisotropy: int = 1
     """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear) to 16."""
     plane: Plane = "base"
-    """Plane of the maps that is drawn."""
+    """Plane of maps to draw."""
     sample: int = 0
-    """Number of the sample that the stochastic filter takes; of no effect without it."""
+    """Number of the stochastic filter's sample; without effect for other filters."""
     blend_sample: int = 0
     """Number of the pattern of thresholds that BLEND surfaces were drawn against."""
     textures: tuple[int, ...] = field(default=(), compare=False)
@@ -205,4 +205,4 @@ class ShownMaterials:
     lighting: Lighting = DEFAULT_LIGHTING
     """Light of the view `lit`; without effect in others."""
     planes: tuple[Plane, ...] = ("base",)
-    """Planes of the view that some visible material has; the others are neutral."""
+    """Planes of the view that some visible material has; other planes are neutral."""

@@ -1,1 +1,1 @@
-"""Decode path `cached`: pages, tables, budget and pass."""
+"""Tile cache of decode path `cached`: tiles and pages, budget, GPU work."""

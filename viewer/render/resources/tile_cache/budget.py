@@ -1,4 +1,9 @@
-"""Limits and statistics of the cache of decoded tiles (path `cached`)."""
+"""Budget and statistics of the cache of decoded tiles (path `cached`).
+
+A frame has FRAME_MS. TileBudget measures how long the frame takes without decoding tiles, and gives the remaining time to decoding, at
+least a small share so that missing tiles always arrive. It moves half the way to a new value in each frame, because a single slow
+frame says little (an exponential moving average). TileCache divides the time by the measured time of a tile to get a number of tiles.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -7,39 +12,39 @@ from typing import Any
 
 @dataclass(frozen=True)
 class TileCacheConfig:
-    """Memory limit of one pack's tile cache, and decoding time of a frame."""
+    """Settings of a tile cache: memory limit, and decoding time of a frame."""
 
     budget_bytes: int = 256 << 20
-    """Size limit of the atlas in bytes; one page is always allowed."""
+    """Size limit of the tile atlas in bytes; one page is always allowed."""
     milliseconds: float | None = None
     """Time in ms that a frame may spend on decoding tiles; None: no limit. The next frames decode the rest; coarser tiles are
     shown until then."""
     least_tiles: int = 8
-    """Tiles that a frame decodes however long it takes: missing tiles are there after at most ceil(missing / least_tiles) frames."""
+    """Fewest tiles that a frame decodes. So n missing tiles are decoded after at most ceil(n / least_tiles) frames."""
 
 
 FRAME_MS = 25.0
 """Target time in ms of a whole frame that decodes tiles."""
 LEAST_MILLISECONDS = 4.0
 AHEAD_MILLISECONDS = 8.0
-"""Decoding time of a frame, in ms, for tiles that are shown in an older version."""
+"""Decoding time of a frame in ms if tiles are only outdated, not missing."""
 TILES_AT_ONCE = 8192
-"""Tiles of one dispatch: for codec `block` the work groups along one axis, of which OpenGL guarantees 65535."""
+"""Most tiles of one dispatch. Codec `block` has a work group for each along one axis; OpenGL guarantees 65535."""
 LEAST_SHARE = 0.125
-"""Share of the rest of a frame's time that tiles may take where that rest alone exceeds FRAME_MS."""
+"""Decoding time relative to the rest of the frame, if that rest alone exceeds FRAME_MS."""
 
 
 class TileBudget:
-    """Adapts the decoding time of a frame to the measured time of the rest of the frame."""
+    """Decoding time of a frame, adapted to the measured time of the rest of the frame."""
 
     def __init__(self, config: TileCacheConfig | None = None) -> None:
-        """Begin with the limits of `config`; None: the defaults of a TileCacheConfig."""
+        """Take the settings; None: the defaults of TileCacheConfig."""
         self.config = config or TileCacheConfig()
-        """Limits of each tile cache."""
+        """Settings of each tile cache."""
         self.milliseconds = self.config.milliseconds
         """Decoding time of the next frame in ms; None: no limit."""
         self.is_tight = False
-        """True where frames take FRAME_MS without decoding tiles. Then the picture is redrawn once for several frames of decoding."""
+        """True if frames take FRAME_MS even without decoding tiles. Then one redrawing follows several frames of decoding."""
         self._spent = 0.0
 
     def note_tiles(self, milliseconds: float) -> None:
@@ -54,7 +59,7 @@ class TileBudget:
             return
         self.is_tight = FRAME_MS - rest < LEAST_MILLISECONDS
         room = max(FRAME_MS - rest, LEAST_SHARE * rest, LEAST_MILLISECONDS)
-        # Half of the way: one frame that something else held up says little about the next.
+        # Half the way, because a single slow frame says little about the next.
         self.milliseconds = min(0.5 * (self.milliseconds + room), most)
 
 
@@ -63,29 +68,29 @@ class TileCounts:
     """State of a tile cache: numbers of tiles."""
 
     resident: int
-    """Decoded tiles in the cache."""
+    """Number of decoded tiles in the cache."""
     waiting: int
-    """Tiles that the last view requested and that are not decoded yet."""
+    """Number of tiles that the last view requested and that are not decoded yet."""
     starved: int
-    """Requested tiles that cannot be decoded, because all pages of the budget are visible too."""
-    kept: int
-    """Tiles that were in the cache when the last view made its request."""
+    """Number of requested tiles that cannot be decoded, because all pages of the budget are visible."""
+    reused: int
+    """Number of tiles that were in the cache at the last view's request."""
     decoded: int
-    """Tiles decoded so far."""
+    """Number of tiles decoded so far."""
     evicted: int
-    """Tiles evicted so far to make room for others."""
+    """Number of tiles evicted so far to make room for others."""
     out_of_memory: bool = False
-    """True where the GPU had less memory than the budget: the cache keeps the size that it reached."""
+    """True if the GPU has less memory than the budget; the cache then keeps the size that it has reached."""
     coarse_latents: bool = False
-    """True where tiles were decoded from coarser latents than they need, because finer ones did not fit into GPU memory."""
+    """True if tiles were decoded from coarser latents than they need, because finer ones did not fit into GPU memory."""
 
 
 def total_counts(counts: Sequence[TileCounts]) -> TileCounts | None:
-    """Return the sums of several caches that draw one picture; None for none."""
+    """Return the sums of the counts of several caches; None for an empty sequence."""
     if not counts:
         return None
     totals: dict[str, Any] = {
-        own.name: (any if own.type is bool else sum)(getattr(each, own.name) for each in counts)
-        for own in fields(TileCounts)
+        field.name: (any if field.type is bool else sum)(getattr(each, field.name) for each in counts)
+        for field in fields(TileCounts)
     }
     return TileCounts(**totals)

@@ -1,4 +1,19 @@
-"""The GPU's work of path `cached`: tiles that visible pixels ask for are decoded once, kept, and filtered by the hardware."""
+"""GPU work of path `cached`: a virtual texture whose tiles are decoded on demand and filtered by the hardware.
+
+Requests. A compute shader goes over the visible pixels. For each tile that a pixel's filter reads, it looks up the table of tiles. If
+the tile has a page in the atlas, the shader writes the frame's number to that page, for eviction. If not, an atomic exchange marks the
+entry TILE_REQUESTED, and the first invocation to do so appends the tile to a list, so each missing tile is listed once. The CPU reads
+list and page numbers back, a frame or two later unless it waits. Because the marks stay, a list must always be read, and entries that
+are dropped must be invalidated.
+
+Decoding. Single tiles that are a whole mip come first, because any finer tile can show them instead; then coarse tiles before fine
+ones. Pages are given by PagePool: free ones, then the least recently read. A frame decodes as many tiles as its time allows
+(viewer/render/resources/tile_cache/budget.py). If all pages are visible, the remaining tiles are starved until the view changes.
+
+Drawing. Each pixel filters within its tile's page; missing tiles are replaced by the finest coarser tile in the cache. This is the
+method of "sparse virtual textures" (Barrett 2008; Mittring 2008), with decoding in place of loading. See
+docs/explanation/decode-paths.md#cached and shaders/passes/decode_cached.
+"""
 
 from collections.abc import Collection
 
@@ -6,7 +21,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.gl.allocation import GpuMemory, GpuMemoryError, repicking
+from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.read_back import ReadBack
@@ -36,7 +51,7 @@ PAGE_BYTES = 4 * PAGE_SIDE * PAGE_SIDE
 
 
 class TileCache:
-    """Tile cache on the GPU of path `cached`: `request`, `decode` and `sample` in turn make a frame of a plane."""
+    """Tile cache on the GPU for one plane of a pack. A frame calls `request`, `decode` and `sample` in turn."""
 
     def __init__(
         self,
@@ -49,7 +64,7 @@ class TileCache:
         budget: TileBudget,
     ) -> None:
         self._gl = context.gl
-        # Frames that wait for the answer list more tiles.
+        # Frames that wait for the answer decode more tiles, so they request more.
         self._most = MAX_TILE_REQUESTS if context.waits else LATE_TILE_REQUESTS
         self._buffers, self._table, self._budget = buffers, table, budget
         self._programs, self._defines = programs, reading.defines()
@@ -59,28 +74,28 @@ class TileCache:
         self._atlas = TileAtlas(context, ATLAS_SIDE, srgb=reading.plane != "surface")
         self._out_of_memory = False
         self._coarse: NDArray[np.int64] = np.zeros(0, np.int64)
-        """Entries that were decoded from coarser latents than they need, for want of room."""
+        """Entries of tiles that were decoded from coarser latents than they need, which did not fit."""
         with context.memory.transaction():
             if not self._atlas.grow(1):
                 raise GpuMemoryError("path cached: the GPU has no memory for a tile cache; use path deferred or binned")
             self._make_tables(context.memory)
-        self._back = ReadBack[int](context, "tiles that are asked for")
-        self._frame = self._heard = 0
-        """Number of the last request, and of the last one that was answered."""
+        self._back = ReadBack[int](context, "requested tiles")
+        self._frame = self._answered = 0
+        """Numbers of the last request, and of the last answered one."""
         self._used = np.zeros(self._pool.pages, np.uint32)
-        """[pages] number of the request that read each page last, as of the last answer."""
+        """[pages] number of the last request that read each page, as of the last answer."""
         self._tiles_of = np.zeros(len(table.rows), np.int64)
-        """[rows of the table] tiles in the cache of each texture, by its first row."""
+        """[rows of the table] number of cached tiles of each texture, at its first row."""
         self._is_outdated = False
-        """True where tiles have been evicted since the last request was made, which may have counted on them."""
+        """True if tiles were evicted after the last request, which took them to be present."""
         self._decoded_since: NDArray[np.int64] = np.zeros(0, np.int64)
-        """Stand-ins that were decoded while a request was under way, which may list them."""
+        """Entries of fallback tiles that were decoded while a request was unanswered; its list may contain them."""
         self._waiting: NDArray[np.int64] = np.zeros(0, np.int64)
         self._stand_ins = 0
-        """Number of the first waiting tiles that are the only ones of their mips."""
+        """Number of tiles at the front of `_waiting` that are the only tile of their mip (fallbacks for finer tiles)."""
         self._stale: NDArray[np.int64] = np.zeros(0, np.int64)
-        """Entries whose page shows an older version of the pack, which stands in for the new one until that is decoded."""
-        self._starved = self._decoded = self._evicted = self._unheard = self._kept = 0
+        """Entries whose page holds an older version of the pack, shown until the new one is decoded."""
+        self._starved = self._decoded = self._evicted = self._unlisted = self._reused = 0
         self._tile_ms: float | None = None
 
     def _make_tables(self, memory: GpuMemory) -> None:
@@ -95,7 +110,7 @@ class TileCache:
             StorageBinding.RESULTS: memory.buffer(what, bytes(4 * (1 + asked))),
         }
         self._zero = memory.buffer(what, bytes(4))
-        # Large enough for any call: recording what the GPU has requested must not fail for lack of memory.
+        # Large enough for any call, because handling an answer must not fail for lack of memory.
         self._tiles = memory.buffer(what, reserve=TILE_RECORD.itemsize * max(asked, self._pool.pages))
 
     @property
@@ -103,9 +118,9 @@ class TileCache:
         """State of the cache: numbers of tiles."""
         return TileCounts(
             self._pool.taken,
-            len(self._waiting) + len(self._stale) + self._unheard + (self.is_pending or self._is_outdated),
+            len(self._waiting) + len(self._stale) + self._unlisted + (self.is_pending or self._is_outdated),
             self._starved,
-            self._kept,
+            self._reused,
             self._decoded,
             self._evicted,
             self._out_of_memory,
@@ -114,33 +129,33 @@ class TileCache:
 
     @property
     def bytes_on_gpu(self) -> int:
-        """Number of bytes of atlas and tables."""
+        """Number of bytes of tile atlas and tables."""
         return self._atlas.bytes_on_gpu + sum(buffer.size for buffer in (*self._places.values(), self._tiles))
 
     def _bind_tables(self) -> None:
-        """Bind the tables for shaders that read tiles; the pack's latents and decoders are not bound then."""
+        """Bind the tables for shaders that read tiles. This unbinds the pack's latents and decoders."""
         self._buffers.bind_records()
         for binding, buffer in self._places.items():
             buffer.bind_to_storage_buffer(int(binding))
 
     @property
     def request_overflowed(self) -> bool:
-        """True where the last view needs more tiles than its request listed, and all listed ones are decoded: request again."""
-        return (self._unheard > 0 or self._is_outdated) and not len(self._waiting)
+        """True if all listed tiles are decoded and the view needs more than were listed, so it must be requested again."""
+        return (self._unlisted > 0 or self._is_outdated) and not len(self._waiting)
 
     @property
     def is_pending(self) -> bool:
-        """True while a request has not been answered; nothing waits to be decoded then."""
+        """True while a request is unanswered; no tile waits to be decoded then."""
         return self._back.is_pending
 
     def request(self, inputs: VisibilityInputs) -> None:
-        """Ask the GPU which tiles this view reads and which of them are missing (`answer`). One request is under way at a time."""
+        """Let the GPU list the tiles that this view reads and lacks; `answer` receives the list. One request is open at a time."""
         if self.is_pending:
             self.answer(waits=True)
-        # The GPU lists a tile once: its list must be read.
+        # The GPU lists a tile only once, so the memory for reading the list must be certain.
         self._back.reserve(self._answer_bytes)
         self._invalidate_entries(self._waiting)
-        self._waiting, self._stand_ins, self._unheard = self._waiting[:0], 0, 0
+        self._waiting, self._stand_ins, self._unlisted = self._waiting[:0], 0, 0
         self._decoded_since, self._is_outdated = self._decoded_since[:0], False
         self._frame += 1
         inputs.bind()
@@ -162,34 +177,34 @@ class TileCache:
         return self._places[StorageBinding.RESULTS].size + 4 * max(1, self._pool.reach(0))
 
     def answer(self, waits: bool) -> bool:
-        """Take the list of missing tiles that was requested; return False where it has not arrived. With `waits` it is waited for."""
-        found = self._back.arrived(waits)
-        if found is None:
+        """Receive the list of missing tiles; return False if it has not arrived. With `waits`, wait for it."""
+        arrived = self._back.arrived(waits)
+        if arrived is None:
             return False
-        content, self._heard = found
-        entries = np.setdiff1d(self._told(content), self._decoded_since)
-        self._starved, self._kept = 0, self._pool.taken
+        content, self._answered = arrived
+        entries = np.setdiff1d(self._missing_in(content), self._decoded_since)
+        self._starved, self._reused = 0, self._pool.taken
         self._drop_unseen_stale()
-        # In a fixed order: atomics hand out places by chance. Coarse tiles first, mips of a single one before all: they stand in
-        # for finer ones.
+        # The order is fixed, because atomics give list places by chance. Coarse tiles come first, single tiles of a mip before all:
+        # they are shown in place of finer ones.
         tiles = self._table.tiles(entries)
         single = self._table.are_single(tiles["entry"].astype(np.int64))
         self._waiting = tiles["entry"][np.lexsort((-tiles["level"], ~single))].astype(np.int64)
         self._stand_ins = int(single.sum())
         return True
 
-    def _told(self, content: bytes) -> NDArray[np.int64]:
-        """Return the entries of missing tiles in the answer; note how many more there are, and which pages were read."""
+    def _missing_in(self, content: bytes) -> NDArray[np.int64]:
+        """Return the entries of missing tiles in the answer; store how many are not listed, and when pages were read."""
         words = np.frombuffer(content, np.uint32)
         listed = self._places[StorageBinding.RESULTS].size // 4
         self._used[:] = 0
         self._used[: len(words) - listed] = words[listed:]
         count = min(int(words[0]), self._most, listed - 1)
-        self._unheard = int(words[0]) - count
+        self._unlisted = int(words[0]) - count
         return words[1 : 1 + count].astype(np.int64)
 
     def decode_first(self, inputs: VisibilityInputs) -> None:
-        """Decode coarse tiles of each texture that may be visible and has none: it would be grey until one is asked for."""
+        """Decode fallback tiles of each texture that may be visible and has no tile, because it would be grey."""
         firsts = np.unique(self._table.first_level_of_material[list(inputs.visible_materials)]).astype(np.int64)
         missing = firsts[firsts >= 0]
         entries = self._table.stand_ins(missing[self._tiles_of[missing] == 0])
@@ -203,29 +218,29 @@ class TileCache:
 
     @property
     def only_stale(self) -> bool:
-        """True where no tile is missing, but some are shown in an older version."""
-        return bool(len(self._stale)) and not len(self._waiting) and not self._unheard
+        """True if no tile is missing, but some show an older version of the pack."""
+        return bool(len(self._stale)) and not len(self._waiting) and not self._unlisted
 
     @property
     def is_missing_tiles(self) -> bool:
-        """True where the last request listed tiles that are not decoded yet; coarser ones are shown in their place."""
+        """True if listed tiles are not decoded yet; coarser ones are shown in their place."""
         return bool(len(self._waiting))
 
     @property
     def has_work(self) -> bool:
-        """True where there are tiles to decode now."""
+        """True if there are tiles to decode now."""
         return bool(len(self._waiting) or len(self._stale))
 
     def tiles_now(self, whole: bool) -> int:
-        """Return the number of waiting tiles to decode in this frame; all where the picture must be `whole`.
+        """Return the number of waiting tiles to decode in this frame; all for a `whole` picture.
 
-        The coarse ones that stand in for others are all decoded at once: without them a texture would be grey.
+        Fallback tiles are all decoded at once, because a texture without any is grey.
         """
         fitting = self._fitting(None if whole else self._budget.milliseconds, self._budget.config.least_tiles)
         return max(fitting, min(self._stand_ins, len(self._waiting)))
 
     def tiles_ahead(self) -> int:
-        """Return the number of tiles to decode in a frame that keeps the old picture: fewer where none is missing."""
+        """Return the number of tiles to decode in a frame that keeps the old picture; smaller if none is missing."""
         least = self._budget.config.least_tiles if self.is_missing_tiles else 1
         return self._fitting(None if self._budget.config.milliseconds is None else AHEAD_MILLISECONDS, least)
 
@@ -236,7 +251,7 @@ class TileCache:
         return min(waiting, max(least, 0 if self._tile_ms is None else int(milliseconds / self._tile_ms)))
 
     def decode(self, count: int) -> int:
-        """Decode the next `count` waiting tiles; return the number decoded, less where all pages of the budget are visible."""
+        """Decode the next `count` waiting tiles; return their number, which is smaller if all pages of the budget are visible."""
         missing = min(count, len(self._waiting))
         return self._decode_missing(missing) + self._decode_stale(count - missing)
 
@@ -246,7 +261,7 @@ class TileCache:
             return 0
         done = self._place(entries)
         if done < len(entries):
-            # Nothing can make room before the view changes.
+            # No page becomes free before the view changes.
             self._starved = len(self._waiting) - done
             self._invalidate_entries(self._waiting[done:])
             self._waiting = self._waiting[:done]
@@ -255,14 +270,14 @@ class TileCache:
         return done
 
     def _place(self, entries: NDArray[np.int64]) -> int:
-        """Decode the first of these missing tiles into pages, as many as there is room for; return their number."""
-        # Whatever may fail for want of memory comes before tiles get their pages.
+        """Decode the first of these missing tiles, as many as get pages; return their number."""
+        # Allocations, which may fail, come before tiles get pages.
         self._buffers.ensure_resident(finest_levels(self._table.tiles(entries)))
         if not self._atlas.grow(-(-self._pool.reach(len(entries)) // LAYER_PAGES)):
-            # The budget was more than there is: go on with what there is.
+            # The GPU has less memory than the budget, so the pool shrinks to the memory it has.
             self._pool.shrink(self._atlas.layers * LAYER_PAGES)
             self._out_of_memory = True
-        pages, gone = self._pool.place(entries, self._heard, lambda: self._used)
+        pages, gone = self._pool.place(entries, self._answered, lambda: self._used)
         self._count_tiles(gone, -1)
         self._invalidate_entries(gone)
         self._evicted += len(gone)
@@ -276,7 +291,7 @@ class TileCache:
         np.add.at(self._tiles_of, self._table.textures(entries), change)
 
     def _decode_stale(self, count: int) -> int:
-        """Decode stale tiles into the pages that they have."""
+        """Decode stale tiles again, into the same pages."""
         entries = self._stale[:count]
         if len(entries):
             self._decode_into(entries, self._pool.pages_of(entries))
@@ -291,12 +306,12 @@ class TileCache:
         self._coarse = np.union1d(np.setdiff1d(self._coarse, tiles["entry"]), tiles["entry"][too_coarse])
         decoders = self._buffers.decoder_of_texture[tiles["texture_id"]]
         order = np.argsort(decoders, kind="stable")
-        # Where a mip is not on the GPU, texels of the next one are filtered.
+        # If the latents of a mip are not on the GPU, texels of the next coarser mip are filtered.
         self._run_decoders(tiles[order], decoders[order], too_coarse[order])
         self._decoded += len(pages)
 
     def retry_coarse(self) -> None:
-        """Decode tiles anew that were decoded too coarse: for another view there may be room."""
+        """Mark tiles stale that were decoded from coarse latents, because another view may leave room for finer ones."""
         coarse, self._coarse = np.intersect1d(self._coarse, self._pool.held()), self._coarse[:0]
         self._stale = np.concatenate([self._stale, np.setdiff1d(coarse, self._stale)])
 
@@ -305,14 +320,14 @@ class TileCache:
         if not len(self._stale):
             return
         stale = self._stale[np.isin(self._stale, self._pool.held())]
-        seen = self._pool.needed_in(self._pool.pages_of(stale), self._heard, self._used)
+        seen = self._pool.needed_in(self._pool.pages_of(stale), self._answered, self._used)
         self._pool.drop(stale[~seen])
         self._count_tiles(stale[~seen], -1)
         self._invalidate_entries(stale[~seen])
         self._stale = stale[seen]
 
     def note_time(self, tiles: int, milliseconds: float) -> None:
-        """Record that decoding `tiles` tiles took `milliseconds`."""
+        """Store the time of decoding `tiles` tiles, in ms."""
         if tiles:
             self._tile_ms = milliseconds / tiles
             self._budget.note_tiles(milliseconds)
@@ -325,7 +340,7 @@ class TileCache:
         self._tile_decoder.run(decoders, too_coarse, self._atlas)
 
     def _write_tiles(self, data: bytes) -> None:
-        repicking(self._tiles, data)
+        replace_content(self._tiles, data)
         self._tiles.bind_to_storage_buffer(int(StorageBinding.REQUESTS))
 
     def _invalidate_entries(self, entries: NDArray[np.int64]) -> None:
@@ -338,7 +353,7 @@ class TileCache:
         self._gl.memory_barrier()
 
     def sample(self, inputs: VisibilityInputs, target: ColorTarget, band: tuple[int, int] = (0, 1)) -> None:
-        """Draw the plane from the tiles that are there; `band` (number, of) is a part of the rows."""
+        """Draw the plane from the decoded tiles. `band` (number, count): draw only this part of the rows."""
         defines = {**self._defines, "GRADIENTS": int(inputs.visibility.content.gradients)}
         triangle = self._programs.fullscreen(f"{FOLDER}/sample.frag", defines)
         target.framebuffer.use()
@@ -355,18 +370,18 @@ class TileCache:
             target.framebuffer.scissor = (0, 0, *target.size)
 
     def mark_stale(self, textures: Collection[int]) -> None:
-        """Decode the tiles of these scene textures anew, whose latents or decoder have changed; they are shown as they are until then.
+        """Decode the tiles of these scene textures again, because latents or decoders changed; old tiles are shown until then.
 
-        All others stay, and so does what the last request asked for.
+        Tiles of other textures, and the last request, stay valid.
         """
         held = self._pool.held()
         changed = held[np.isin(self._table.tiles(held)["texture_id"], list(textures))]
-        # Tiles that wait already come first, or they might wait for ever.
+        # New ones go to the end, or earlier ones might wait for ever.
         self._stale = np.concatenate([self._stale, np.setdiff1d(changed, self._stale)])
         self._drop_unseen_stale()
 
     def release(self) -> None:
-        """Free atlas and tables."""
+        """Free tile atlas and tables."""
         self._back.release()
         self._atlas.release()
         for buffer in (self._tiles, self._zero, *self._places.values()):

@@ -1,4 +1,4 @@
-"""Decoding of tiles of one plane of a pack into the pages of an atlas, by compute shaders."""
+"""Decoding of tiles of one plane of a pack into pages of a tile atlas, by compute shaders."""
 
 import moderngl
 import numpy as np
@@ -14,7 +14,7 @@ from viewer.render.resources.visibility_buffer import PlaneReading
 
 
 class TileDecoder:
-    """Programs that decode tiles of one plane of a pack, with their borders, into the pages that they name."""
+    """Decoder of tiles, with their borders, of one plane of a pack."""
 
     def __init__(
         self,
@@ -24,14 +24,14 @@ class TileDecoder:
         ranges: DecoderRanges,
         reading: PlaneReading,
     ) -> None:
-        """Compile what the first tiles need; the other program is compiled where a tile needs it. Raises ShaderError."""
+        """Compile the usual program; the one for coarse latents is compiled at its first use. Raises ShaderError."""
         self._gl, self._limits = context.gl, context.memory.limits
         self._programs, self._buffers, self._ranges = programs, buffers, ranges
         self._defines = {**reading.defines(), **buffers.defines, **ranges.defines}
         self._program(buffers.decodes_quads)
 
     def _program(self, by_squares: bool) -> moderngl.ComputeShader:
-        """Return the program that decodes tiles by squares of texels, or each texel alone."""
+        """Return the program that decodes squares of 2x2 texels, or single texels."""
         if by_squares and self._buffers.decodes_together:
             return self._programs.compute("passes/decode_cached/decode_together.comp", self._defines)
         defines = {**self._defines, "BY_SQUARES": int(by_squares)}
@@ -40,14 +40,14 @@ class TileDecoder:
     def run(self, decoders: NDArray[np.int64], too_coarse: NDArray[np.bool_], atlas: TileAtlas) -> None:
         """Decode the tiles that are bound to StorageBinding.REQUESTS as TILE_RECORDs; TileBinding.TILE_ENTRIES gets their pages.
 
-        `decoders` [N]: decoder of each tile, ascending. `too_coarse` [N]: whether the mip is not on the GPU; texels of the next one
-        are filtered then.
+        `decoders` [N]: decoder of each tile, ascending. `too_coarse` [N]: whether the mip's latents are not on the GPU; then texels
+        of the next mip are filtered.
         """
         self._buffers.bind()
         atlas.bind_image(int(ImageUnit.ATLAS))
         by_squares = ~too_coarse & self._buffers.decodes_quads
         if not self._buffers.shares_decoders:
-            # Each tile finds its decoder: one dispatch decodes those of all.
+            # Programs look up the decoder of each tile, so one dispatch decodes tiles of all decoders.
             decoders = np.zeros_like(decoders)
         starts = np.nonzero(np.diff(2 * decoders + by_squares, prepend=-1))[0].tolist()
         for start, end in zip(starts, [*starts[1:], len(decoders)], strict=True):
@@ -61,7 +61,7 @@ class TileDecoder:
         self._gl.memory_barrier()
 
     def _work_groups(self, tiles: int, by_squares: bool) -> tuple[int, int]:
-        """Return the work groups that decode `tiles` tiles: one each, a square of texels in each invocation, or any."""
+        """Return the (width, height) of the dispatch that decodes `tiles` tiles."""
         if by_squares:
             return tiles, 1 if self._buffers.decodes_together else -(-PAGE_SQUARES // BIN_GROUP)
         groups = -(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels))

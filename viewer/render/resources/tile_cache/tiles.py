@@ -1,4 +1,4 @@
-"""Tiles of decoded texels: which there are, and which page of the atlas holds which."""
+"""Numbering of tiles of decoded texels, and the pages of the tile atlas that hold them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,20 +22,23 @@ TILE_ROW = np.dtype(
         ("first", "<i4"),
     ]
 )
-"""Tiles of a mip under one pair of WRAP_ codes: as TILE_LEVEL_RECORD, then texture id, mip number, whether the mip is a single tile,
-and the row of the finest mip of the same texture under the same modes."""
+"""Record of the tiles of a mip with one pair of WRAP_ codes: the fields of TILE_LEVEL_RECORD, texture id, mip number, whether
+the mip is a single tile, and the row of the finest mip of the same texture and modes."""
 
 
 @dataclass(frozen=True, eq=False)
 class TileTable:
-    """Entries count all tiles, level after level; a tile's border depends on the wrap modes, so modes have tiles of their own."""
+    """Numbering of all tiles: a tile's entry is its number, counted mip after mip.
+
+    A tile's border depends on the wrap modes, so each pair of wrap modes has separate tiles.
+    """
 
     first_level_of_material: NDArray[np.int32]
-    """[materials] row of the texture's finest mip; -1 where nothing is decoded."""
+    """[materials] row of the texture's finest mip; -1 if nothing is decoded."""
     rows: NDArray[np.void]
     """[rows] TILE_ROW of each mip."""
     entries: int
-    """Number of tiles of all levels."""
+    """Number of tiles of all mips."""
 
     @staticmethod
     def of(materials: tuple[Material, ...], pack: Pack, match: PackMatch, plane: Plane = "base") -> "TileTable":
@@ -45,46 +48,48 @@ class TileTable:
         rows: list[tuple[object, ...]] = []
         entries = 0
         for material in materials:
-            own = material.plane(plane)
-            index = match.texture_index[own.texture_id] if own is not None else -1
-            if own is None or index < 0:
+            plane_texture = material.plane(plane)
+            index = match.texture_index[plane_texture.texture_id] if plane_texture is not None else -1
+            if plane_texture is None or index < 0:
                 firsts.append(-1)
                 continue
-            wrap = (int(WRAP_CODES[own.sampler.wrap[0]]), int(WRAP_CODES[own.sampler.wrap[1]]))
-            key = (own.texture_id, *wrap)
+            wrap = (int(WRAP_CODES[plane_texture.sampler.wrap[0]]), int(WRAP_CODES[plane_texture.sampler.wrap[1]]))
+            key = (plane_texture.texture_id, *wrap)
             if key not in first_of:
                 first_of[key] = len(rows)
                 texture = pack.textures[index]
                 for number, level in enumerate(texture_levels(texture, pack.config)):
                     across, down = (-(-side // TILE_SIDE) for side in (level.texel_width, level.texel_height))
-                    rows.append((entries, across, own.texture_id, number, wrap, across * down == 1, first_of[key]))
+                    rows.append(
+                        (entries, across, plane_texture.texture_id, number, wrap, across * down == 1, first_of[key])
+                    )
                     entries += across * down
             firsts.append(first_of[key])
         table = np.array(rows or [(0, 1, -1, 0, (0, 0), True, 0)], TILE_ROW)
         return TileTable(np.array(firsts or [-1], np.int32), table, max(1, entries))
 
     def are_single(self, entries: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return [N] whether these entries are the only tile of their mip: what is shown first of a texture."""
+        """Return [N] whether these entries are the only tile of their mip. Such tiles are shown first."""
         single: NDArray[np.bool_] = self.rows["single"][self._rows(entries)]
         return single
 
     def stand_ins(self, firsts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the entries of tiles that stand in for others, of textures given by first rows [N].
+        """Return the entries of the fallback tiles of textures, given by first rows [N].
 
-        They are those of the finest mip that is a single tile, and of the coarsest: a tile stands in for finer ones alone.
+        They are the finest mip of a single tile, and the coarsest mip. A tile can only replace finer ones.
         """
         ends = np.append(np.nonzero(self.rows["level"] == 0)[0], len(self.rows))
         last = ends[np.searchsorted(ends, firsts, side="right")] - 1
         singles = np.nonzero(self.rows["single"])[0]
-        found = (
+        next_singles = (
             singles[np.minimum(np.searchsorted(singles, firsts), max(len(singles) - 1, 0))] if len(singles) else last
         )
-        rows = np.unique([np.where((found >= firsts) & (found <= last), found, last), last])
+        rows = np.unique([np.where((next_singles >= firsts) & (next_singles <= last), next_singles, last), last])
         entries: NDArray[np.int64] = self.rows["first_entry"][rows].astype(np.int64)
         return entries
 
     def textures(self, entries: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return [N] first rows of the textures of these entries."""
+        """Return the first rows of the textures of these entries [N]."""
         firsts: NDArray[np.int64] = self.rows["first"][self._rows(entries)].astype(np.int64)
         return firsts
 
@@ -93,7 +98,7 @@ class TileTable:
         return rows
 
     def tiles(self, entries: NDArray[np.int64]) -> NDArray[np.void]:
-        """Return [N] TILE_RECORD of these entries; their pages are left 0."""
+        """Return the records of these entries, with page 0: [N] TILE_RECORD."""
         rows = self._rows(entries)
         place = entries - self.rows["first_entry"][rows]
         tiles = np.zeros(len(entries), TILE_RECORD)
@@ -113,11 +118,11 @@ def finest_levels(tiles: NDArray[np.void]) -> dict[int, int]:
 
 FREE = -1
 LAYER_PAGES = PAGES_ACROSS * PAGES_ACROSS
-"""Number of pages on a layer of the atlas."""
+"""Number of pages on a layer of the tile atlas."""
 
 
 class PagePool:
-    """Pages of the tile atlas, at least one: free ones go first, then those not read for longest. Entries are numbers of tiles."""
+    """Pages of the tile atlas, given to tiles: free pages first, then the least recently read (LRU eviction)."""
 
     def __init__(self, pages: int) -> None:
         if pages < 1:
@@ -133,11 +138,11 @@ class PagePool:
         return len(self._entry_of_page)
 
     def reach(self, count: int) -> int:
-        """Return the number of pages that must exist to place `count` more tiles: all up to the last one ever used."""
+        """Return the number of pages to allocate for placing `count` more tiles: all up to the last one ever used."""
         return min(self.pages, self._fresh + max(0, count - len(self._free)))
 
     def shrink(self, pages: int) -> None:
-        """Limit the pool to `pages` pages, where there is no memory for more. Pages that were ever used stay."""
+        """Limit the pool to `pages` pages, but keep all pages that were ever used."""
         self._entry_of_page = self._entry_of_page[: max(pages, self._fresh, 1)]
         self._placed_in = self._placed_in[: len(self._entry_of_page)]
 
@@ -149,10 +154,10 @@ class PagePool:
     def place(
         self, entries: NDArray[np.int64], frame: int, last_read: Callable[[], NDArray[np.uint32]]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return pages for the first of `entries`, and the entries that had to go for them.
+        """Return (pages for the first of `entries`, entries evicted for them).
 
-        There are fewer pages than entries where all others were read in `frame`. `last_read` gives the last frame that read each
-        page [pages]; it is asked only if tiles must go.
+        There are fewer pages than entries if all other pages were read in `frame`. `last_read` returns the last frame that read each
+        page [pages]; it is called only if tiles must be evicted.
         """
         pages = [self._free.pop() for _ in range(min(len(self._free), len(entries)))]
         fresh = min(self.pages - self._fresh, len(entries) - len(pages))
@@ -160,7 +165,7 @@ class PagePool:
         self._fresh += fresh
         gone = np.zeros(0, np.int64)
         if len(pages) < len(entries):
-            # Tiles that were placed in this frame have not been read yet.
+            # Tiles placed in this frame were not read yet, and must stay.
             read = np.maximum(last_read()[: self.pages].astype(np.int64), self._placed_in)
             read[pages] = frame
             old = np.nonzero((self._entry_of_page != FREE) & (read < frame))[0]
@@ -179,12 +184,12 @@ class PagePool:
         self._free += pages.tolist()
 
     def pages_of(self, entries: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the pages that hold `entries`, which all must have one."""
+        """Return the pages of `entries`. All must have one."""
         order = np.argsort(self._entry_of_page, kind="stable")
         return order[np.searchsorted(self._entry_of_page[order], entries)]
 
     def needed_in(self, pages: NDArray[np.int64], frame: int, last_read: NDArray[np.uint32]) -> NDArray[np.bool_]:
-        """Return which of `pages` were read in `frame`, or placed in it and so not read yet. `last_read` as for `place`."""
+        """Return which of `pages` were read or placed in `frame`. `last_read` [pages]: last frame that read each page."""
         return np.asarray((last_read[pages] == frame) | (self._placed_in[pages] == frame), np.bool_)
 
     def held(self) -> NDArray[np.int64]:
