@@ -1,4 +1,12 @@
-"""Allocation of GPU memory. moderngl returns objects even where the driver had no memory for them: here that is checked."""
+"""Allocation of GPU memory, with a check whether the driver had memory.
+
+moderngl returns objects even if the driver had no memory for them; OpenGL only sets an error flag. So GpuMemory clears the flags
+before an allocation, reads them after it, and frees the object and raises GpuMemoryError if one is set.
+
+Several allocations that belong together form a transaction: a block that records the objects made within. If the block ends with an
+exception, they are freed in reverse order; else they pass to the enclosing transaction, which may still free them. So an object is
+either complete or takes no memory, however deep constructors are nested.
+"""
 
 import os
 from collections.abc import Callable, Iterator
@@ -12,11 +20,11 @@ from ntc.errors import InputError
 from viewer.gl.limits import Limits
 
 READS = ("read", "read_into", "read_chunks", "read_chunks_into")
-"""Names of the methods of moderngl's objects that wait."""
+"""Methods of moderngl's objects that wait for the GPU."""
 
 
 class BlockingCalls:
-    """Counter of the calls of one context for which the CPU waits until the GPU has caught up: frames in motion should make none."""
+    """Counter of the calls of one context in which the CPU waits for the GPU. Frames in motion should make none."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -39,29 +47,29 @@ class BlockingCalls:
 
 
 LIMIT_VARIABLE = "NTC_VIEWER_GPU_MEGABYTES"
-"""Environment variable that limits all GPU memory, in MB, for trying what happens without memory."""
+"""Environment variable with a limit of all GPU memory in MB, for tests of memory shortage."""
 ALL_MIPS = 1000
-"""More mips than any texture has."""
+"""Number larger than the number of mips of any texture."""
 NO_ERROR = "GL_NO_ERROR"
 OUT_OF_MEMORY = "GL_OUT_OF_MEMORY"
 REFUSALS = (OUT_OF_MEMORY, "GL_INVALID_VALUE")
 """OpenGL errors that mean a failed allocation. Others, such as those of freeing a bound framebuffer, do not."""
 REMEDY = "close packs or other programs, or make the picture or the window smaller"
 MOST_ERRORS = 16
-"""Error flags that a driver may hold at once."""
+"""Most error flags that a driver may hold at once."""
 TEXEL_TYPES = {"f1": 1, "f2": 2, "f4": 4, "u4": 4}
 """Number of bytes of a channel, by type."""
 
 
 class GpuMemoryError(InputError):
-    """Error of an allocation: the GPU has no memory, or no textures that large. Nothing of the request was allocated."""
+    """Error of an allocation: too little GPU memory, or a texture beyond the driver's limits. Nothing was allocated."""
 
 
 class Releasable(Protocol):
     """Object with GPU memory."""
 
     def release(self) -> None:
-        """Free it; a second time does nothing."""
+        """Free the object; a second call does nothing."""
 
 
 Made = TypeVar("Made", bound=Releasable)
@@ -83,7 +91,7 @@ def is_released(made: Releasable) -> bool:
 
 
 def replace_content(buffer: moderngl.Buffer, data: bytes) -> None:
-    """Write the beginning of a buffer whose old content nobody needs: the driver need not wait until the GPU has read that."""
+    """Write the beginning of a buffer and discard its old content, so the driver need not wait until the GPU has read that."""
     buffer.orphan()
     buffer.write(data)
 
@@ -142,7 +150,7 @@ class GpuMemory:
         """Return the object of `size` bytes that `make` returns; freed again where OpenGL reports an error afterwards."""
         if not self.allows(what, size):
             raise self._refusal(what, size)
-        # Errors of earlier calls are not this allocation's.
+        # Errors of earlier calls must not count as errors of this allocation.
         self._take_errors()
         try:
             thing = make()
@@ -183,7 +191,7 @@ class GpuMemory:
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """Free all that was allocated in the block if it ends with an exception."""
+        """Free all objects allocated in the block if it ends with an exception."""
         made: list[Releasable] = []
         self._open.append(made)
         try:

@@ -115,7 +115,7 @@ def _older_context(device: int, system: GraphicsSystem) -> str | None:
     # glcontext raises plain Exceptions.
     with suppress(Exception):
         gl, _ = make_context(OLDEST_VERSION, device, system)
-        found = f"{gl.info['GL_VERSION']} by {gl.info['GL_RENDERER']}"
+        description = f"{gl.info['GL_VERSION']} by {gl.info['GL_RENDERER']}"
         gl.release()
-        return found
+        return description
     return None

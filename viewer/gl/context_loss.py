@@ -12,7 +12,7 @@ from ntc.errors import InputError
 from viewer.gl.systems import FunctionLoader
 
 LOSE_VARIABLE: Final = "NTC_VIEWER_LOSE_CONTEXT_AT"
-"""Environment variable for tests: which checks find the context lost: their numbers from 1, separated by commas."""
+"""Environment variable for tests: numbers, from 1, of the checks that report a lost context, separated by commas."""
 GL_NO_ERROR = 0
 GL_CONTEXT_LOST = 0x0507
 GL_UNKNOWN_RESET: Final = 0x8255
@@ -43,7 +43,7 @@ class ContextLostError(Exception):
 
 
 class SimulatedLosses:
-    """Simulated losses: checks that report an intact context as lost. One object counts on over all contexts of a run."""
+    """Simulated losses: checks that report an intact context as lost. The count continues over all contexts of a run."""
 
     def __init__(self, at: frozenset[int] = frozenset()) -> None:
         self._at, self._checks = at, 0
@@ -71,7 +71,7 @@ class ResetStatus:
     def __init__(self, load: FunctionLoader, simulated: SimulatedLosses | None = None) -> None:
         self._simulated = simulated or SimulatedLosses()
         call = ctypes.CFUNCTYPE(ctypes.c_uint)
-        address = next((found for name in STATUS_NAMES if (found := load(name))), 0)
+        address = next((loaded for name in STATUS_NAMES if (loaded := load(name))), 0)
         self._status: Callable[[], int] = call(address) if address else lambda: GL_NO_ERROR
         error = load("glGetError")
         self._error: Callable[[], int] = call(error) if error else lambda: GL_NO_ERROR
@@ -82,7 +82,7 @@ class ResetStatus:
     def check(self) -> None:
         """Raise ContextLostError if the context is lost, or was at an earlier check."""
         if self._blame is None:
-            # The driver reports a loss once, or until the reset is over: keep it.
+            # The driver reports a loss only once, or until the reset is over, so it is stored.
             status = GL_UNKNOWN_RESET if self._simulated.next_is_lost() else self._status()
             if status == GL_NO_ERROR:
                 return

@@ -18,7 +18,7 @@ SOFTWARE: Final = "software"
 """Choice of the first device that is no GPU."""
 SOFTWARE_RENDERERS: Final = ("llvmpipe", "softpipe", "swr", "swiftshader")
 OLDEST_VERSION: Final = 330
-"""Version of OpenGL that is asked for to learn what a device has."""
+"""Version of OpenGL that is requested to examine a device."""
 EGL_DRM_DEVICE_FILE: Final = 0x3233
 
 
@@ -80,7 +80,7 @@ def _examined(index: int, file: str) -> Device:
 
 
 def find_devices(system: GraphicsSystem = SYSTEM) -> tuple[Device, ...]:
-    """Return all devices, each asked for its name by a context of its own; none where the system offers no choice.
+    """Return all devices, each examined with a separate context; empty if the system offers no choice.
 
     No context is current afterwards.
     """
@@ -91,18 +91,18 @@ def choose_device(choice: str, devices: Sequence[Device]) -> int:
     """Return the index of the device that `choice` names: by number, by part of its name or file, or SOFTWARE. Raises InputError."""
     there = "; ".join(device.line for device in devices) or "none"
     wanted = choice.strip().lower()
-    found = [device for device in devices if wanted == str(device.index)]
+    matching = [device for device in devices if wanted == str(device.index)]
     if wanted == SOFTWARE:
-        found = [device for device in devices if device.version and is_software(device.renderer)]
-    elif not found and wanted:
-        found = [
+        matching = [device for device in devices if device.version and is_software(device.renderer)]
+    elif not matching and wanted:
+        matching = [
             device for device in devices if device.version and wanted in f"{device.renderer} {device.file}".lower()
         ]
-    if not found:
+    if not matching:
         raise InputError(f"--device {choice}: no such device (available: {there})")
-    if len(found) > 1 and wanted != SOFTWARE:
+    if len(matching) > 1 and wanted != SOFTWARE:
         raise InputError(f"--device {choice}: matches several devices; choose one by its number ({there})")
-    return found[0].index
+    return matching[0].index
 
 
 def _software_if_asked(system: GraphicsSystem) -> str | None:

@@ -1,4 +1,4 @@
-"""Optional features of OpenGL beyond 4.3's minimum: which the driver has, and which the environment switches off."""
+"""Optional features of OpenGL: those of the driver, without those that the environment switches off."""
 
 import os
 from collections.abc import Mapping
@@ -58,7 +58,7 @@ class Features:
     compute: bool
     """True with OpenGL 4.3: compute shaders, storage buffers. False: OpenGL 4.1 at least, with paths `forward` and `cached`."""
     timer_queries: bool
-    """True where passes are timed by the GPU's own clock, else by wall time around `finish()`."""
+    """True if timer queries of the GPU time passes, else wall time around `finish()`."""
     uniform_block_bytes: int
     """Largest decoder in bytes that is bound as a uniform buffer; larger ones are read from a storage buffer."""
     weights_in_image: bool

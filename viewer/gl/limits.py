@@ -1,4 +1,4 @@
-"""Limits of a driver that requests may meet, asked of it once; and what OpenGL 4.3 guarantees, where that is enough."""
+"""Limits of an OpenGL driver, read once from the context."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -35,8 +35,8 @@ class Limits:
 
         def most(name: str) -> int:
             # moderngl reads 32 bits with a sign, and some drivers allow 4 GiB.
-            found = int(info.get(name, 0))
-            return found if found > 0 else LARGEST_INT
+            limit = int(info.get(name, 0))
+            return limit if limit > 0 else LARGEST_INT
 
         storage_limit = "GL_MAX_SHADER_STORAGE_BLOCK_SIZE" if computes else "GL_MAX_TEXTURE_BUFFER_SIZE"
         groups = info.get("GL_MAX_COMPUTE_WORK_GROUP_COUNT", (GROUPS_ACROSS, GROUPS_ACROSS))

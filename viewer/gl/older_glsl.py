@@ -1,7 +1,7 @@
-"""Drawing without storage buffers and images that are read (OpenGL 4.1): textures stand in for them.
+"""Drawing with OpenGL 4.1, where textures replace storage buffers and readable images.
 
-GLSL 4.30 of vertex and fragment shaders becomes GLSL 4.10, which reads words through samplers. Only what draws can be rewritten: no
-shader that is turned here may write into a buffer or an image. Lines stay where they are.
+Vertex and fragment shaders in GLSL 4.30 are rewritten in GLSL 4.10, which reads words of a buffer through samplers. Shaders that write
+into a buffer or an image cannot be rewritten. Line numbers do not change.
 """
 
 import ctypes
@@ -90,7 +90,7 @@ class OlderSource:
 
 
 class _Records:
-    """Structs of a shader: their size in words of a buffer (std430), and how they are read."""
+    """Structs of a shader: size in words of a buffer (std430), and GLSL that reads them."""
 
     def __init__(self, text: str) -> None:
         self._fields = {
@@ -101,7 +101,7 @@ class _Records:
     def _alignment(self, kind: str) -> int:
         if kind in _WORDS:
             return _WORDS[kind]
-        return max(self._alignment(own) for own, _, _ in self._fields[kind])
+        return max(self._alignment(field_kind) for field_kind, _, _ in self._fields[kind])
 
     def words(self, kind: str) -> int:
         """Return the size of an element of an array of `kind`, in words of 4 bytes."""
@@ -110,8 +110,8 @@ class _Records:
         if kind not in self._fields:
             raise UnsuitableShaderError(f"buffers of {kind} cannot be read")
         place = 0
-        for own, _, count in self._fields[kind]:
-            place = self._rounded(place, self._alignment(own)) + self.words(own) * max(count, 1)
+        for field_kind, _, count in self._fields[kind]:
+            place = self._rounded(place, self._alignment(field_kind)) + self.words(field_kind) * max(count, 1)
         return self._rounded(place, self._alignment(kind))
 
     @staticmethod
@@ -126,20 +126,20 @@ class _Records:
             part = {"u": "uint", "i": "int"}.get(kind[0], "float")
             return f"{kind}({', '.join(self.read(part, words, first + i) for i in range(_WORDS[kind]))})"
         parts, place = [], first
-        for own, _, count in self._fields[kind]:
-            place = self._rounded(place, self._alignment(own))
-            size = self.words(own)
-            values = [self.read(own, words, place + size * i) for i in range(max(count, 1))]
-            parts.append(f"{own}[{count}]({', '.join(values)})" if count else values[0])
+        for field_kind, _, count in self._fields[kind]:
+            place = self._rounded(place, self._alignment(field_kind))
+            size = self.words(field_kind)
+            values = [self.read(field_kind, words, place + size * i) for i in range(max(count, 1))]
+            parts.append(f"{field_kind}[{count}]({', '.join(values)})" if count else values[0])
             place += size * len(values)
         return f"{kind}({', '.join(parts)})"
 
 
 def _rewritten(text: str, opening: str, closing: str, head: str, tail: str) -> str:
-    """Return `text` with `head` in place of what `opening` finds, and `tail` in place of the `closing` that belongs to it."""
-    found = re.compile(opening)
+    """Return `text` with `head` in place of matches of `opening`, and `tail` in place of the matching `closing`."""
+    pattern = re.compile(opening)
     start = 0
-    while (match := found.search(text, start)) is not None:
+    while (match := pattern.search(text, start)) is not None:
         depth, end = 1, match.end()
         while depth:
             depth += {match[0][-1]: 1, closing: -1}.get(text[end], 0)
@@ -197,12 +197,12 @@ def older_source(text: str) -> OlderSource:
 
 def _completed(text: str) -> str:
     """Return `text` with the functions that the version lacks, and macros on one line each."""
-    lines = [line for name, own in _MISSING if name in text for line in own]
+    lines = [line for name, functions in _MISSING if name in text for line in functions]
     head, mark, rest = text.partition("#line 2 0\n")
     if mark:
         text = head + "".join(f"{line}\n" for line in lines) + mark + rest
     if re.search(r"\\\n", text):
-        text = re.sub(r"(?:[^\n]*\\\n)+[^\n]*", lambda found: _joined(found[0]), text)
+        text = re.sub(r"(?:[^\n]*\\\n)+[^\n]*", lambda macro: _joined(macro[0]), text)
     return text
 
 

@@ -33,9 +33,9 @@ class ShaderSource:
     files: tuple[str, ...]
     """File of each source number that the text's `#line` directives use."""
     units: Mapping[str, int] = field(default_factory=dict)
-    """Texture units of samplers whose declarations do not tell them."""
+    """Texture units of samplers whose declarations have no binding."""
     blocks: Mapping[str, int] = field(default_factory=dict)
-    """Bindings of uniform blocks whose declarations do not tell them."""
+    """Bindings of uniform blocks whose declarations have none."""
 
     @property
     def uniforms(self) -> frozenset[str]:
@@ -141,17 +141,17 @@ class ProgramFactory:
 
     def program(self, vertex: str, fragment: str, defines: Defines | None = None) -> moderngl.Program:
         """Return the program of a vertex and a fragment shader file. Raises ShaderError."""
-        found = self._find((vertex, fragment), defines)
-        assert isinstance(found, moderngl.Program)
-        return found
+        made = self._find((vertex, fragment), defines)
+        assert isinstance(made, moderngl.Program)
+        return made
 
     def compute(self, name: str, defines: Defines | None = None) -> moderngl.ComputeShader:
         """Return the compute program of a file. Raises ShaderError."""
         if self._library.is_older:
             raise ShaderError(f"{name}: computing needs OpenGL 4.3")
-        found = self._find((name,), defines)
-        assert isinstance(found, moderngl.ComputeShader)
-        return found
+        made = self._find((name,), defines)
+        assert isinstance(made, moderngl.ComputeShader)
+        return made
 
     def fullscreen(self, fragment: str, defines: Defines | None = None) -> moderngl.VertexArray:
         """Return a triangle over the whole target for a fragment shader file, to be rendered with 3 vertices. Raises ShaderError."""
@@ -181,7 +181,7 @@ class ProgramFactory:
         return self._programs[key]
 
     def _place(self, program: moderngl.Program | moderngl.ComputeShader, source: ShaderSource) -> None:
-        """Set the bindings of a program's textures and uniform buffers whose declarations do not tell them."""
+        """Set the bindings of textures and uniform blocks whose declarations have none."""
         for name, unit in source.units.items():
             sampler = program.get(name, None)
             if isinstance(sampler, moderngl.Uniform) and self._functions is not None:

@@ -20,7 +20,7 @@ FOREVER = 2**63
 
 
 class Fence:
-    """Fence in the stream of commands, which tells whether the GPU has come so far."""
+    """Fence in the stream of commands, which is reached once the GPU has done all commands before it."""
 
     def __init__(self, functions: GlFunctions) -> None:
         """Put the fence here. What comes before is sent to the GPU."""
@@ -31,7 +31,7 @@ class Fence:
     def _wait(self, nanoseconds: int) -> bool:
         if self._sync is None:
             return True
-        # A lost context answers GL_WAIT_FAILED: what is read then is void, and the loss is found at the end of the frame.
+        # A lost context answers GL_WAIT_FAILED: what is read then is void, and the end of the frame detects the loss.
         reached = bool(
             self._functions("glClientWaitSync", self._sync, names.GL_SYNC_FLUSH_COMMANDS_BIT, nanoseconds)
             != names.GL_TIMEOUT_EXPIRED
@@ -130,7 +130,7 @@ class ReadBack(Generic[Tag]):
     def copy_texture(self, texture: moderngl.Texture, size: int, tag: Tag) -> None:
         """Copy all of a texture of `size` bytes, rows without padding. Raises GpuMemoryError."""
         buffer = self._buffer(size)
-        # The class's own method: into a buffer nothing waits.
+        # Method of the class, because that of the object is counted as a call that waits; into a buffer it does not.
         moderngl.Texture.read_into(texture, buffer, alignment=1)
         self._under_way.append(_Copy(buffer, size, Fence(self._functions), tag))
 
@@ -139,7 +139,7 @@ class ReadBack(Generic[Tag]):
         size = sum(part.byte_count for part in parts)
         buffer, at = self._buffer(size), 0
         for part in parts:
-            # The class's own method: into a buffer nothing waits.
+            # Method of the class, because that of the object is counted as a call that waits; into a buffer it does not.
             moderngl.Framebuffer.read_into(
                 part.framebuffer, buffer, part.viewport, 4, alignment=1, dtype=part.kind, write_offset=at
             )
@@ -152,7 +152,7 @@ class ReadBack(Generic[Tag]):
         for buffer in self._free:
             buffer.release()
         self._free.clear()
-        # Rounded up: what grows little by little is not allocated anew each time.
+        # Rounded up to a power of two, so buffers that grow slowly are seldom allocated again.
         return readable_buffer(self._memory, self._functions, self._what, 1 << max(size - 1, 0).bit_length())
 
     def arrived(self, waits: bool) -> tuple[bytes, Tag] | None:
@@ -168,7 +168,7 @@ class ReadBack(Generic[Tag]):
         return None if arrived is None else self._content(arrived)
 
     def _content(self, copy: _Copy[Tag]) -> tuple[bytes, Tag]:
-        # The class's own `read`: the buffer's is counted as a call that waits.
+        # `read` of the class, because that of the object is counted as a call that waits.
         content = moderngl.Buffer.read(copy.buffer, copy.size)
         self._free.append(copy.buffer)
         return content, copy.tag

@@ -163,7 +163,7 @@ class BlockArray:
         self._call, self._format = context.functions, block_format
         self._kind = names.GL_COMPRESSED_SRGB_ALPHA_BPTC_UNORM if srgb else _BLOCK_KINDS[block_format]
         sizes = [(max(1, size[0] >> level), max(1, size[1] >> level)) for level in range(levels)]
-        self.bytes_on_gpu = layers * sum(blocks_bytes(own, block_format) for own in sizes)
+        self.bytes_on_gpu = layers * sum(blocks_bytes(each, block_format) for each in sizes)
         """Number of bytes of all blocks."""
         what = f"{layers} textures of {size[0]} x {size[1]} in {block_format.upper()}"
         context.memory.check_size(what, size)

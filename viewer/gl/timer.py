@@ -1,4 +1,4 @@
-"""Times of passes in ms: waited for, or read some frames later from timestamps that the GPU has noted."""
+"""Times of passes in ms, either waited for, or read some frames later from timestamps of the GPU."""
 
 import ctypes
 import time
@@ -74,7 +74,7 @@ class PassTimer:
     """Timer that collects the times of passes, frame by frame.
 
     Where the context waits for the GPU, a frame's times are known at its end. Else the timer does not hold
-    the GPU up: it tells the times of a frame two or three frames later.
+    the GPU up, and a frame's times arrive two or three frames later.
     """
 
     def __init__(self, context: GraphicsContext) -> None:
@@ -161,13 +161,13 @@ class PassTimer:
         query = self._stamps.put()
         self._frame.stamps.append(query)
         if not self._has_queries:
-            # Each pass is a batch of its own.
+            # A flush makes each pass a separate batch.
             self._functions("glFlush")
         return query
 
     @contextmanager
     def counted_as(self, whole: str) -> Iterator[None]:
-        """Add the times of the passes of the block to `whole` in place of their own names."""
+        """Add the times of the passes of the block to `whole` instead of their names."""
         self._whole = whole
         try:
             yield
@@ -220,14 +220,14 @@ class PassTimer:
         if self._under_way and self._under_way[-1].stamps:
             # Commands that are never sent to the GPU never arrive.
             self._functions("glFlush")
-        found: dict[str, float] = {}
+        times: dict[str, float] = {}
         while self._under_way and self._is_there(self._under_way[0]):
-            found = self._times(self._under_way.popleft())
-            if found:
+            times = self._times(self._under_way.popleft())
+            if times:
                 break
         while len(self._under_way) > MOST_FRAMES:
             self._give_back(self._under_way.popleft())
-        return found
+        return times
 
     def take_owned(self) -> Mapping[Hashable, float]:
         """Return the times in ms that have arrived since the last call, by owner."""
@@ -250,14 +250,14 @@ class PassTimer:
         at = {query: self._stamps.read(query) for query in frame.stamps}
         self._give_back(frame)
         times: dict[str, float] = {}
-        for own in frame.measurements:
-            elapsed = own.milliseconds
-            if own.stamps is not None:
-                first, last = own.stamps
+        for measurement in frame.measurements:
+            elapsed = measurement.milliseconds
+            if measurement.stamps is not None:
+                first, last = measurement.stamps
                 elapsed = max(at[last] - at[first], 0) / 1e6
-                if own.note is not None:
-                    own.note(elapsed)
-            if own.name is not None:
-                times[own.name] = times.get(own.name, 0.0) + elapsed
-            self._share(own.owners, elapsed)
+                if measurement.note is not None:
+                    measurement.note(elapsed)
+            if measurement.name is not None:
+                times[measurement.name] = times.get(measurement.name, 0.0) + elapsed
+            self._share(measurement.owners, elapsed)
         return times
