@@ -115,6 +115,16 @@ GROUPS: Mapping[str, Sequence[HelpGroup]] = {
         ),
         _group("what is measured", "views close cameras size device", "check street.glb --views 4"),
     ),
+    "share": (
+        _group(
+            "usual options",
+            "out codec groupings clusters steps bits texture-size seed",
+            "share street.glb --out street-sharing",
+            "share street.glb --clusters 2 4 --out d",
+            "share street.glb --codec block --bits 2 --out d",
+        ),
+        _group("what is measured", "views size device gpu", "share street.glb --views path.json --out d"),
+    ),
     "bench": (
         _group(
             "usual options",
