@@ -98,15 +98,15 @@ class Opening:
             return Job(partial(read_scene, effect.path))
         return Job(partial(read_variant, self._context.session.scene, effect.variant))
 
-    def _finish(self, effect: Slow, found: ReadScene | Scene | None) -> None:
+    def _finish(self, effect: Slow, result: ReadScene | Scene | None) -> None:
         """Open the files that were read. Raises InputError."""
         context = self._context
         if isinstance(effect, RunCommand):
             run(context, effect.command_id, *effect.values)
-        elif isinstance(found, Scene):
-            show_variant(context.session, found)
-        elif isinstance(effect, OpenScene) and isinstance(found, ReadScene):
-            open_scene(context.session, found)
+        elif isinstance(result, Scene):
+            show_variant(context.session, result)
+        elif isinstance(effect, OpenScene) and isinstance(result, ReadScene):
+            open_scene(context.session, result)
 
     def note_shown(self) -> None:
         """Note that a frame has shown `work`."""
@@ -120,11 +120,11 @@ class Opening:
     @property
     def work(self) -> tuple[Work, ...]:
         """Present and waiting work, for the status bar."""
-        found = [Work(_title(effect)) for effect in self._waiting]
+        result = [Work(_title(effect)) for effect in self._waiting]
         if self._job is not None:
             report = self._job.report
-            found[0] = Work(found[0].title, report.share or None, report.seconds_left, "file.cancel-opening")
-        return tuple(found)
+            result[0] = Work(result[0].title, report.share or None, report.seconds_left, "file.cancel-opening")
+        return tuple(result)
 
 
 REASONS = {

@@ -117,7 +117,7 @@ def _compressor() -> Compressor | None:
 
 
 def _mean_db(values: Sequence[float | None]) -> str:
-    """PSNR in dB of the mean of the square errors that `values` stand for; images count alike."""
+    """PSNR in dB of the mean of the squared errors of images, whose PSNR are `values`; all images have equal weight."""
     known = [value for value in values if value is not None]
     if not known:
         return "-"

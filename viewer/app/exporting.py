@@ -19,7 +19,7 @@ SECONDS_TO_END = 2.0
 
 
 class Exporting:
-    """One export at a time. Its lines go to the log."""
+    """Runner of exports, one at a time, which writes their lines to the log."""
 
     def __init__(self, session: Session) -> None:
         self._session = session

@@ -60,7 +60,11 @@ class FactsReader:
             encoding=encoding,
             pixel=self._pixel(),
             history=self._times.history,
-            memory={slot: found for slot in slots if renderer and (found := renderer.memory(slot)) is not None},
+            memory={
+                slot: memory_of_slot
+                for slot in slots
+                if renderer and (memory_of_slot := renderer.memory(slot)) is not None
+            },
             matches=renderer.matches if renderer is not None else {},
             image=self._image,
         )

@@ -111,8 +111,8 @@ class Frontend:
         # Figures of an incomplete picture would be wrong.
         live = LiveFigures(problem=pending[0].line) if pending else self.live.figures
         shares = {name: report.share for name, report in encoding.items()}
-        found = self.reader.read(live, self._is_training, shares)
-        return replace(found, work=work, drawn_because=self._because)
+        facts = self.reader.read(live, self._is_training, shares)
+        return replace(facts, work=work, drawn_because=self._because)
 
     def build(self, size: tuple[int, int]) -> imgui.ImDrawData:
         """Draw the picture in the room that panels leave, and build the UI, between new_frame and render.
@@ -164,7 +164,7 @@ class Frontend:
         framebuffer.use()
         framebuffer.clear(*BACKGROUND)
         imgui.backends.opengl3_render_draw_data(draw_data)
-        # ImGui leaves its own state behind.
+        # ImGui changes the OpenGL state and does not restore it.
         self._graphics.gl.enable_only(moderngl.NOTHING)
         if self._graphics.waits:
             self._times.end()

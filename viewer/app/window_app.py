@@ -1,4 +1,4 @@
-"""Window of moderngl-window with glfw and ImGui's own backends, and a loop that rests while nothing changes."""
+"""Window of moderngl-window, with the backends of ImGui and glfw, and a loop that sleeps while nothing changes."""
 
 import contextlib
 import os
