@@ -14,7 +14,7 @@ NEAREST_SHARE = 2e-4
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the cross product of two vectors [3]; numpy's own takes ten times as long for so few numbers."""
+    """Return the cross product of two vectors [3]; `numpy.cross` takes ten times as long for so few numbers."""
     (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
@@ -39,7 +39,7 @@ def view_matrix(camera: Camera) -> Matrix:
 
 
 def clip_distances(camera: Camera, bounds: NDArray[np.float32]) -> tuple[float, float]:
-    """Return (near, far) distances: the camera's own, else fitted to `bounds` [2, 3]."""
+    """Return (near, far) distances: those of the camera if it has any, else fitted to `bounds` [2, 3]."""
     view = view_matrix(camera)
     corners = np.array(
         [[bounds[i, 0], bounds[j, 1], bounds[k, 2], 1.0] for i in (0, 1) for j in (0, 1) for k in (0, 1)]

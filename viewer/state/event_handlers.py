@@ -96,7 +96,7 @@ def _pack_shown(event: events.PackShown, session: Session) -> None:
 
 
 @_apply.register
-def _precision_found(event: events.PrecisionChosen, session: Session) -> None:
+def _precision_chosen(event: events.PrecisionChosen, session: Session) -> None:
     session.precision_searches -= {event.side}
     if event.precision is not None:
         slot = replace(session.view.slots[event.side], precision=event.precision)
@@ -138,7 +138,7 @@ def _reverted(event: events.Reverted, session: Session) -> None:
 
 
 @_apply.register
-def _first_view_found(event: events.FirstViewChosen, session: Session) -> None:
+def _first_view_chosen(event: events.FirstViewChosen, session: Session) -> None:
     if event.scene is not session.scene:
         return
     session.seeks_first_view = False
@@ -219,8 +219,8 @@ def set_measurements(session: Session, measurements: Mapping[Side, SlotMeasureme
     """Store the measurements of both slots in the present view, and tell the first ones."""
     if session.inspection.measured_view is not session.view:
         parts = [
-            f"{side.upper()} {own.psnr_db:.2f} dB" if own.psnr_db is not None else f"{side.upper()} {own.source}"
-            for side, own in measurements.items()
+            f"{side.upper()} {slot.source if slot.psnr_db is None else f'{slot.psnr_db:.2f} dB'}"
+            for side, slot in measurements.items()
         ]
         notify(session, f"measured: {', '.join(parts)}; see panel Compare")
     session.inspection.measurements, session.inspection.measured_view = measurements, session.view

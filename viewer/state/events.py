@@ -21,7 +21,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Notification(Event):
-    """Message that is shown for some seconds and kept in the log."""
+    """Message that is shown for some seconds and stays in the log."""
 
     text: str
     """Message in one line."""
@@ -66,7 +66,7 @@ class PrecisionChosen(Event):
 
     side: Side
     precision: Precision | None
-    """Precision found; None without a result: the slot keeps its own."""
+    """Chosen precision; None without a result, which leaves the slot as it is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ class FirstViewChosen(Event):
 
     scene: Scene
     camera: Camera | None
-    """Camera found; None keeps the view of the whole scene."""
+    """Chosen camera; None leaves the view of the whole scene."""
 
 
 EmitEvent = Callable[[Event], None]

@@ -81,14 +81,14 @@ def emptiest(
     """
     # Points within triangles, each for its share of their area.
     inside = np.random.default_rng(0).dirichlet((1.0, 1.0, 1.0), POINTS_INSIDE)
-    found, areas = [np.zeros((0, 3))], [np.zeros(0)]
+    samples, areas = [np.zeros((0, 3))], [np.zeros(0)]
     for part in parts_of(scene):
         triangles = part.points.reshape(-1, 3, 3)
         triangles = triangles[:: -(-len(triangles) // MOST_HIDDEN)]
-        found.append(np.einsum("pc,tcx->tpx", inside, triangles).reshape(-1, 3))
+        samples.append(np.einsum("pc,tcx->tpx", inside, triangles).reshape(-1, 3))
         area = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
         areas.append(np.repeat(area * part.triangles / len(triangles), POINTS_INSIDE))
-    points, weights = np.concatenate(found), np.concatenate(areas)
+    points, weights = np.concatenate(samples), np.concatenate(areas)
     clip = np.concatenate([points, np.ones((len(points), 1))], axis=1) @ view_projection(camera, size, scene.bounds).T
     is_before = clip[:, 3] > 0.0
     clip, weights = clip[is_before], weights[is_before]
@@ -104,16 +104,16 @@ def emptiest(
 
 def _frame_all(scene: Scene, fov_degrees: float, aspect: float) -> Camera:
     parts = parts_of(scene)
-    kept = near_parts(parts)
-    points = _points(kept, scene)
-    left_out = {part.instance for part in parts} - {part.instance for part in kept}
-    found: list[Camera] = []
+    near = near_parts(parts)
+    points = _points(near, scene)
+    left_out = {part.instance for part in parts} - {part.instance for part in near}
+    cameras: list[Camera] = []
     for direction in DIRECTIONS:
         camera = framed(Camera(ALL, direction, (0.0, 0.0, 0.0), fov_degrees=fov_degrees), points, aspect)
-        found.append(camera)
+        cameras.append(camera)
         if not any(_hides(scene, instance, camera) for instance in left_out):
             return camera
-    return found[0]
+    return cameras[0]
 
 
 def _points(parts: Sequence[Part], scene: Scene) -> Array:

@@ -30,7 +30,7 @@ class Turntable:
         centre = bounds.astype(np.float64).mean(axis=0)
         places = centre + rotated(np.array([camera.eye, camera.target]) - centre, VERTICAL, angle)
         eye, target = (tuple(place) for place in places.tolist())
-        # Clip distances of a scene's camera fit its own place only.
+        # Clip distances of a scene's camera fit only its position.
         moved = replace(camera, name=FREE, eye=eye, target=target, near=None, far=None)
         return moved, self
 

@@ -57,7 +57,7 @@ def _axes(camera: Camera) -> tuple[Vector, Vector, Vector]:
 
 
 def _turned(camera: Camera, yaw: float, pitch: float) -> Vector:
-    """Return the view direction after a turn to the left by `yaw` and upwards by `pitch` radians, kept off the poles."""
+    """Return the view direction after a turn to the left by `yaw` and upwards by `pitch` radians, limited near the poles."""
     up = _unit(_vector(camera.up))
     right, _, forward = _axes(camera)
     level = np.cross(up, right)
@@ -69,7 +69,7 @@ def _turned(camera: Camera, yaw: float, pitch: float) -> Vector:
 
 
 def _free(camera: Camera, eye: Vector, target: Vector) -> Camera:
-    # Clip distances of a scene's camera fit its own place only.
+    # Clip distances of a scene's camera fit only its position.
     return replace(camera, name=FREE, eye=_tuple(eye), target=_tuple(target), near=None, far=None)
 
 

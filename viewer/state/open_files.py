@@ -98,9 +98,9 @@ def _begin(session: Session, problems: Sequence[InputError]) -> None:
 
 def _initial_view(scene: Scene, packs: Mapping[str, Pack], settings: ViewerSettings, initial: InitialView) -> ViewState:
     wanted = initial.grouping
-    found = source_of_grouping(packs, wanted) if wanted is not None else None
+    source_of_wanted = source_of_grouping(packs, wanted) if wanted is not None else None
     last = settings.last_packs.get(str(scene.path.absolute()), "") if scene.path is not None else ""
-    source = REFERENCE if wanted == REFERENCE else found or preferred_source(packs, last)
+    source = REFERENCE if wanted == REFERENCE else source_of_wanted or preferred_source(packs, last)
     precision = "fp32" if initial.precision == "auto" else initial.precision
     width, height = settings.window_size
     return ViewState(

@@ -46,21 +46,21 @@ class PackFigures:
 
 def pack_figures(pack: Pack) -> PackFigures:
     """Return size and quality of `pack`; they are computed once."""
-    found = _FIGURES.get(pack)
-    if found is None:
+    figures = _FIGURES.get(pack)
+    if figures is None:
         table = psnr_table(pack)
         size = table.latent_bytes + table.decoder_bytes + table.adapter_bytes
         known = table.summary if all(texture.psnr_db is not None for texture in pack.textures) else None
         psnr = finite_or_none(known.of_mean_mse_db) if known is not None else None
-        found = _FIGURES[pack] = PackFigures(table.bits_per_texel, size, psnr)
-    return found
+        figures = _FIGURES[pack] = PackFigures(table.bits_per_texel, size, psnr)
+    return figures
 
 
 def pack_label(pack: Pack) -> str:
     """Return what a pack is in a few words: `clustered, 4.0 bits, 39.3 dB, 2.1 MB`."""
-    found = pack_figures(pack)
-    quality = "" if found.psnr_db is None else f", {found.psnr_db:.1f} dB"
-    return f"{pack.grouping.name}, {found.bits:.1f} bits{quality}, {found.bytes / 1e6:.2g} MB"
+    figures = pack_figures(pack)
+    quality = "" if figures.psnr_db is None else f", {figures.psnr_db:.1f} dB"
+    return f"{pack.grouping.name}, {figures.bits:.1f} bits{quality}, {figures.bytes / 1e6:.2g} MB"
 
 
 def source_label(source: str, packs: Mapping[str, Pack]) -> str:
@@ -80,8 +80,8 @@ def preferred_source(packs: Mapping[str, Pack], last: str = "") -> str:
     """Return the default source: the pack of the file `last`, else the clustered pack, else the first, else the reference."""
     if last:
         of_file = (name for name, pack in packs.items() if pack.path is not None and same_place(pack.path, Path(last)))
-        if (found := next(of_file, None)) is not None:
-            return found
+        if (name := next(of_file, None)) is not None:
+            return name
     return PREFERRED_GROUPING if PREFERRED_GROUPING in packs else next(iter(packs), REFERENCE)
 
 
@@ -105,7 +105,7 @@ def _once(paths: Iterable[Path]) -> tuple[Path, ...]:
 def packs_beside(scene_path: Path) -> tuple[Path, ...]:
     """Return the packs beside a scene file: `NAME.ntc` and `NAME.*.ntc`, in alphabetical order.
 
-    For a built-in scene, packs that the user has kept follow.
+    For a built-in scene, packs that the user has saved follow.
     """
     folders = dict.fromkeys((scene_path.parent, packs_folder(scene_path)))
     return tuple(path for folder in folders for path in _packs_in(folder, scene_path.stem))
@@ -139,11 +139,11 @@ def same_place(first: Path, second: Path) -> bool:
 
 def wanted_textures(scene: Scene) -> frozenset[str]:
     """Return the hashes by which a pack may hold a texture of `scene`."""
-    return frozenset(own for texture in scene.textures for own in _hashes(texture))
+    return frozenset(digest for texture in scene.textures for digest in _hashes(texture))
 
 
 def _hashes(texture: SceneTexture) -> list[str]:
-    return [own for own in (texture.packed_hash, texture.set_hash, texture.pixel_hash) if own]
+    return [digest for digest in (texture.packed_hash, texture.set_hash, texture.pixel_hash) if digest]
 
 
 def read_packs(path: Path, wanted: Container[str]) -> list[Pack]:

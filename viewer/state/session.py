@@ -106,7 +106,7 @@ class NavigationState:
     last_path: tuple[Camera, ...] = ()
     """Cameras of the path that was recorded last."""
     bookmarks: Mapping[str, Mapping[str, Camera]] = field(default_factory=dict)
-    """Bookmarked cameras by scene (its path, else its name) and by their own name."""
+    """Bookmarked cameras by scene (its path, else its name) and by the camera's name."""
     speed_notches: float = 0.0
     """Notches of the wheel by which flying is faster than usual; negative is slower."""
 
@@ -120,9 +120,9 @@ class InspectionState:
     flat_texture: int | None = None
     """Id of the texture in the flat view."""
     block: tuple[float, float] | None = None
-    """Place of the block kept in the panel Divergence."""
+    """Place of the pinned block in the panel Divergence."""
     pixel: tuple[float, float] | None = None
-    """Place of the pixel kept in the panel Pixel."""
+    """Place of the pinned pixel in the panel Pixel."""
     hovered: tuple[float, float] | None = None
     """Place of the mouse over the picture."""
     pointed_out: PointedOut | None = None

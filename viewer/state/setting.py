@@ -82,8 +82,8 @@ def field_args(owner: type) -> dict[str, Arg]:
 def field_text(owner: type, name: str) -> str:
     """Return what a field of `owner` sets, in sentences: the text of its tooltip and of its option on the command line."""
     hint = get_type_hints(owner, include_extras=True)[name]
-    found = next((each for each in _metadata(hint) if isinstance(each, Setting)), None)
-    return found.about or sentence(found.help) if found is not None else sentence(field_args(owner)[name].help)
+    setting = next((each for each in _metadata(hint) if isinstance(each, Setting)), None)
+    return setting.about or sentence(setting.help) if setting is not None else sentence(field_args(owner)[name].help)
 
 
 def _metadata(hint: Any) -> tuple[Any, ...]:

@@ -207,7 +207,7 @@ PathChoice = Literal["auto", "forward", "deferred", "binned", "cached", "on-load
 EXACT_PATHS: Final[tuple[DecodePath, ...]] = ("forward", "deferred", "binned", "cached")
 """Paths that show what a pack holds; `on-load` adds the loss of block compression."""
 FILTERED_PATHS: Final[tuple[PathChoice, ...]] = ("cached", "on-load")
-"""Paths whose texels are filtered by the hardware or like it, with anisotropy; others have filters of their own."""
+"""Paths with the hardware's filter or an equal one, and anisotropy. Other paths use the slot's `filter`."""
 CompareMode = Literal["a", "b", "wipe", "wipe-horizontal", "side-by-side", "difference"]
 MODE_NAMES: Final[Mapping[str, str]] = {
     "a": "A",
