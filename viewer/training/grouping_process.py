@@ -16,7 +16,7 @@ from viewer.jobs.job import Job, JobReport
 from viewer.locations import cache_folder
 
 WITHOUT_FEATURES = ("baseline", "single", "category")
-"""Groupings that are found at once, without another process."""
+"""Groupings that are computed at once, without another process."""
 COVISIBLE = "covisible"
 """Grouping that draws views with OpenGL."""
 
@@ -43,7 +43,7 @@ def grouping_inputs(job: GroupingJob) -> GroupingInputs:
     from viewer.viewpoints.scene_views import ViewSource, scene_views
 
     scene = load_scene(job.scene)
-    hashes = {own for texture in scene.textures for own in (texture.pixel_hash, texture.set_hash)}
+    hashes = {digest for texture in scene.textures for digest in (texture.pixel_hash, texture.set_hash)}
     if not hashes >= {texture.pixel_hash for texture in job.textures}:
         # Views of one scene cannot group the textures of another.
         raise InputError(f"{job.scene}: has changed since it was opened; open it again")

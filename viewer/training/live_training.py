@@ -342,17 +342,17 @@ class LiveTraining:
         self._packs_to_drop = True
 
     def _take_saved(self, shown: frozenset[str], names: Container[str]) -> None:
-        for kept in self._store.take_saved():
-            if kept.scene is not self._scene:
+        for saved_run in self._store.take_saved():
+            if saved_run.scene is not self._scene:
                 continue
-            run, path = self.log[kept.run.number], kept.pack.path
+            run, path = self.log[saved_run.run.number], saved_run.pack.path
             assert path is not None
-            name = unused_name(kept.pack.grouping.name, path, names)
-            changed = replace(run, pack=kept.pack, saved=path, autosave=None, discarded=False, open_as=name)
+            name = unused_name(saved_run.pack.grouping.name, path, names)
+            changed = replace(run, pack=saved_run.pack, saved=path, autosave=None, discarded=False, open_as=name)
             self.log.change(changed)
             if self.log.chosen == run.number:
                 self.log.chosen = None
-            self._emit(PackUpdated(run.name, kept.pack))
+            self._emit(PackUpdated(run.name, saved_run.pack))
             self._emit(PackRenamed(run.name, name))
             if run.name not in shown:
                 # Otherwise an older pack of this grouping would look like the one that was written.

@@ -63,7 +63,7 @@ class MoveTexture:
 
 @dataclass(frozen=True)
 class Regroup:
-    """Group the textures anew, and go on from the pack's latents."""
+    """Regroup the textures, and continue from the pack's latents."""
 
     settings: TrainingSettings
 
@@ -135,9 +135,9 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
     else:
         textures = _textures_of(base, scene, report)
     if isinstance(job, ReencodeTexture):
-        own = codec_of(base.config).reencoding_options(base, job.texture, job.bits)
+        reencoding = codec_of(base.config).reencoding_options(base, job.texture, job.bits)
         group = base.textures[job.texture].group
-        return TrainingRequest(textures, grouping, base.config, own, None, base, frozenset({group}))
+        return TrainingRequest(textures, grouping, base.config, reencoding, None, base, frozenset({group}))
     dirty = job.groups if isinstance(job, RetrainGroups) else None
     options = codec_of(base.config).live_options_for(job.settings.choices)
     return TrainingRequest(textures, grouping, base.config, options, job.settings.budget, base, dirty)
@@ -184,7 +184,7 @@ def _textures_of(pack: Pack, scene: Scene, report: JobReport) -> tuple[SourceTex
     by_hash = {texture.pixel_hash: texture for texture in source_textures(scene, None)}
     if pack.config.maps != BASE_ALONE:
         by_hash |= {texture.pixel_hash: texture for texture in source_textures(scene, None, "all")}
-    found = []
+    encoded_textures = []
     for encoded in pack.textures:
         source = by_hash.get(encoded.pixel_hash)
         if source is None:
@@ -193,8 +193,8 @@ def _textures_of(pack: Pack, scene: Scene, report: JobReport) -> tuple[SourceTex
             )
         known = source if "alpha" in encoded.maps else without_alpha(source)
         small = _reduced(known, max(encoded.width, encoded.height), report)
-        found.append(replace(small, name=encoded.name, wrap=encoded.wrap, category=encoded.category))
-    return tuple(found)
+        encoded_textures.append(replace(small, name=encoded.name, wrap=encoded.wrap, category=encoded.category))
+    return tuple(encoded_textures)
 
 
 LEAST_MEMORY = 2_000_000_000

@@ -1,4 +1,4 @@
-"""What bits are worth: the quality of a texture by its bits, measured beside the frames, and forecasts of whole encodings.
+"""Rate curves: the quality of a texture by its bitrate, measured in the background, and forecasts of whole encodings.
 
 A part of the texture is encoded, in a helper process, at a few bitrates.
 """
@@ -43,7 +43,7 @@ CURVE_BITS = (4.0, 8.0, 2.0, 16.0, 1.0)
 PART_SIDE, TILE_SIDE = 384, 64
 """Sides in texels of the part of a texture that is encoded, and of its tiles, which are spread over the texture."""
 EXACT_DB = 99.0
-"""PSNR in dB that stands for no error."""
+"""PSNR in dB that represents no error."""
 TEXELS_OF_MINUTES = 1 << 27
 """Texels of all maps from which on an encoding in codec `block` takes minutes, on about two cores."""
 SECONDS_OF_MINUTES = 60.0
@@ -189,7 +189,7 @@ def part_of(texture: SourceTexture, side: int = PART_SIDE, tile: int = TILE_SIDE
 
 @dataclass(frozen=True)
 class Forecast:
-    """What an encoding would give."""
+    """Forecast of the result of an encoding."""
 
     textures: int
     maps: int
@@ -307,10 +307,10 @@ class RateCurves:
     def _take(self, job: Job[None]) -> None:
         key = self._key
         assert key is not None
-        found = job.report.partial
-        if isinstance(found, RateCurve) and len(found.points) > self._points:
-            self._points = len(found.points)
-            self._curves[key] = found
+        partial_curve = job.report.partial
+        if isinstance(partial_curve, RateCurve) and len(partial_curve.points) > self._points:
+            self._points = len(partial_curve.points)
+            self._curves[key] = partial_curve
             self.version += 1
         if job.done:
             if job.problem and key not in self._curves:
@@ -357,8 +357,8 @@ class RateCurves:
         texels = [width * height for width, height in sizes]
         names = [scene.textures[index].maps if maps == "all" else ("base",) for index in ids]
         largest = max(sizes, key=lambda size: size[0] * size[1])
-        map_texels = sum(count * len(own) for count, own in zip(texels, names, strict=True))
-        found = Forecast(len(ids), sum(map(len, names)), largest, len(set(sizes)) == 1, _time(settings, map_texels))
+        map_texels = sum(count * len(maps_of_texture) for count, maps_of_texture in zip(texels, names, strict=True))
+        forecast = Forecast(len(ids), sum(map(len, names)), largest, len(set(sizes)) == 1, _time(settings, map_texels))
         codec = codec_named(settings.codec_kind)
         target = settings.target or codec.target_of(max(names, key=len))
         curves = {index: curve for index in ids if (curve := self.curve(index, maps)) is not None}
@@ -366,8 +366,8 @@ class RateCurves:
             # The first curves alone would promise too much or too little.
             curves = {}
         if target is not None:
-            found = _with_target(found, target, curves, dict(zip(ids, texels, strict=True)))
-        return found
+            forecast = _with_target(forecast, target, curves, dict(zip(ids, texels, strict=True)))
+        return forecast
 
     def close(self) -> None:
         """End the curve under way."""
@@ -383,18 +383,18 @@ def _time(settings: TrainingSettings, texels: int) -> Literal["seconds", "minute
 
 
 def _with_target(
-    found: Forecast, target: Target, curves: Mapping[int, RateCurve], texels: Mapping[int, int]
+    forecast: Forecast, target: Target, curves: Mapping[int, RateCurve], texels: Mapping[int, int]
 ) -> Forecast:
-    """Return `found` with the size and quality that `target` gives. Textures without a curve count as the others do."""
+    """Return `forecast` with the size and quality of `target`. Textures without a curve count as the mean of the others."""
     all_texels = sum(texels.values())
     if isinstance(target, QualityTarget):
         if not curves:
-            return replace(found, psnr_db=target.psnr_db)
+            return replace(forecast, psnr_db=target.psnr_db)
         weighted = [curve.bits_at(target.psnr_db) * texels[index] for index, curve in curves.items()]
         bits = sum(weighted) / sum(texels[index] for index in curves)
-        return replace(found, bits=bits, megabytes=bits * all_texels / 8e6, psnr_db=target.psnr_db)
+        return replace(forecast, bits=bits, megabytes=bits * all_texels / 8e6, psnr_db=target.psnr_db)
     bits = target.bits if isinstance(target, BitsTarget) else 8e6 * target.megabytes / all_texels
     megabytes = target.megabytes if isinstance(target, SizeTarget) else bits * all_texels / 8e6
     errors = [mse_of_psnr(curve.psnr_at(bits)) for curve in curves.values()]
     psnr = psnr_of_mse(float(np.mean(errors))) if errors else None
-    return replace(found, megabytes=megabytes, psnr_db=psnr, bits=None if isinstance(target, BitsTarget) else bits)
+    return replace(forecast, megabytes=megabytes, psnr_db=psnr, bits=None if isinstance(target, BitsTarget) else bits)

@@ -23,7 +23,7 @@ MOST_POINTS = 400
 """Largest number of points of a curve. When it is full every second one is dropped: a long run costs no more than a short one."""
 MOST_RUNS = 100
 MOST_PACKS = 8
-"""Packs of ended runs that are kept, besides those that are shown."""
+"""Most packs of ended runs in memory, besides those that are shown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +50,13 @@ class Run:
     autosave: Path | None = None
     """File of its pack in the data folder; None without one."""
     saved: Path | None = None
-    """File that its pack was written to when the user kept it."""
+    """File that the user saved its pack to."""
     discarded: bool = False
     """True if the user discarded the run."""
     earlier: bool = False
     """True for a run of an earlier window."""
     open_as: str = ""
-    """Name under which its pack is open since the user kept it; "" before that."""
+    """Name of its open pack after the user has saved it; "" before."""
 
     @property
     def name(self) -> str:
@@ -103,7 +103,7 @@ class Curves:
     """PSNR in dB of all textures under training together."""
 
     def add(self, progress: TrainingProgress) -> None:
-        """One more point."""
+        """Add a point to the curves."""
         if not progress.psnr_db:
             return
         if len(self.seconds) >= MOST_POINTS:
@@ -262,7 +262,7 @@ class ActiveRun:
 
     @property
     def is_showable(self) -> bool:
-        """True where all groups of the pack decode by its settings: those of a quality are found while encoding."""
+        """True where all groups of the pack decode by its settings: a quality target chooses them while encoding."""
         request = self.request
         return (
             request is not None

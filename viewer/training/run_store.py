@@ -92,13 +92,13 @@ class UnsavedRuns:
 
     def _files(self) -> list[tuple[float, int, Path]]:
         """(time of the last change, bytes, path) of each pack of any scene, oldest first."""
-        found = []
+        files = []
         with suppress(OSError):
             for path in self._folder.glob(f"*{PACK_SUFFIX}"):
                 with suppress(OSError):
                     status = path.stat()
-                    found.append((status.st_mtime, status.st_size, path))
-        return sorted(found)
+                    files.append((status.st_mtime, status.st_size, path))
+        return sorted(files)
 
     def new_file(self, scene: Scene, pack: Pack) -> Path:
         """Make the file of one more run of a scene. Raises InputError."""
@@ -172,9 +172,9 @@ class RunStore:
         target = default_path(scene.path, pack) if path is None else checked_path(path, scene.path)
 
         def write() -> Pack:
-            kept = save_numbered(target, pack)
+            saved = save_numbered(target, pack)
             _delete(run.autosave)
-            return kept
+            return saved
 
         self._write(write, run, scene)
 

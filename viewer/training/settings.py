@@ -57,10 +57,10 @@ TARGET_TEXTS: Final[Mapping[TargetUnit, str]] = MappingProxyType(
 
 def parse_budget(text: str) -> Budget:
     """Return the budget written as `500steps`, `30s` or `35dB`. Raises InputError."""
-    found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(steps|s|dB)\s*", text, re.IGNORECASE)
-    if found is None:
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(steps|s|dB)\s*", text, re.IGNORECASE)
+    if match is None:
         raise InputError(f"budget {text!r}: must be steps, seconds or a PSNR: 500steps, 30s or 35dB")
-    return make_budget(float(found[1]), next(unit for unit in BUDGET_UNITS if unit.lower() == found[2].lower()))
+    return make_budget(float(match[1]), next(unit for unit in BUDGET_UNITS if unit.lower() == match[2].lower()))
 
 
 def make_budget(value: float, unit: BudgetUnit) -> Budget:
@@ -95,11 +95,11 @@ def parse_target(text: str) -> Target | None:
     """Return the target written as `4bits` or `4`, `40dB` or `2.8MB`; None for `auto`. Raises InputError."""
     if text == AUTO:
         return None
-    found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(bits|dB|MB)?\s*", text, re.IGNORECASE)
-    if found is None:
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(bits|dB|MB)?\s*", text, re.IGNORECASE)
+    if match is None:
         raise InputError(f"target {text!r}: must be bits per texel, a PSNR or a file size: 4bits, 40dB or 2.8MB")
-    unit = (found[2] or "bits").lower()
-    return make_target(float(found[1]), next(each for each in TARGET_UNITS if each.lower() == unit))
+    unit = (match[2] or "bits").lower()
+    return make_target(float(match[1]), next(each for each in TARGET_UNITS if each.lower() == unit))
 
 
 def target_parts(target: Target) -> tuple[float, TargetUnit]:
