@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from viewer.render.renderer import Renderer
 from viewer.scene.images import write_image
-from viewer.state.view_state import PaletteName, Slot, palette_colors, share_of_most
+from viewer.state.palettes import PaletteName, palette_colors, share_of_most
+from viewer.state.view_state import Slot
 
 Channels = Mapping[str, NDArray[np.float32]]
 """Channels of an EXR file: [H, W] float32 by name, row 0 on top."""

@@ -16,6 +16,7 @@ from viewer.export import Fallback, ImageFormat, ShaderLanguage
 from viewer.scene.cameras_file import CAMERAS_TEXT
 from viewer.scene.source_textures import MapChoice
 from viewer.sharing.settings import SharingSettings
+from viewer.state.palettes import PaletteName
 from viewer.state.setting import field_args, field_text
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import (
@@ -24,7 +25,6 @@ from viewer.state.view_state import (
     Lighting,
     MaterialView,
     Overlay,
-    PaletteName,
     PathChoice,
     Precision,
     ScaleName,

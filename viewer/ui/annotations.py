@@ -10,8 +10,9 @@ from viewer.commands.keys import HOLD_KEY
 from viewer.inspect.picture_warnings import PictureWarning, picture_warnings
 from viewer.render.compositor import largest_error
 from viewer.state.compare_layout import WIPES, image_to_window, layout_of, shown_sides
+from viewer.state.palettes import PaletteName
 from viewer.state.session import Session, Toast
-from viewer.state.view_state import BLOCKS, PaletteName, Slot, ViewState, is_image_source
+from viewer.state.view_state import BLOCKS, Slot, ViewState, is_image_source
 from viewer.ui.facts import UiData, UiFrame
 from viewer.ui.theme import ERROR_ICON, WARNING_ICON, with_icon
 from viewer.ui.widgets import SHADE, WHITE, Area, counted, draw_plate, draw_tooltip, em, grid, heat, packed

@@ -12,7 +12,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from viewer.scene.json_text import counted as counted
-from viewer.state.view_state import PaletteName, palette_colors, share_of_most
+from viewer.state.palettes import PaletteName, palette_colors, share_of_most
 from viewer.ui.theme import GRID
 
 WHITE = (1.0, 1.0, 1.0, 0.9)

@@ -15,16 +15,8 @@ from viewer.render.compositor import ComparisonErrors
 from viewer.render.frames import read_picture
 from viewer.render.passes.composite import DIMMED, FLIP_PALETTE, LEAST_LIGHT
 from viewer.render.renderer import Renderer
-from viewer.state.view_state import (
-    CompareMode,
-    Difference,
-    DifferenceKind,
-    Overlay,
-    Slot,
-    ViewState,
-    Zoom,
-    palette_colors,
-)
+from viewer.state.palettes import palette_colors
+from viewer.state.view_state import CompareMode, Difference, DifferenceKind, Overlay, Slot, ViewState, Zoom
 
 SIZE = (120, 72)
 VIEW = ViewState(FRONT, SIZE, Slot("p"), Slot())

@@ -15,7 +15,8 @@ from viewer.render.resources.divergence_maps import DivergenceTarget
 from viewer.render.resources.layout import PALETTE_STEPS, StorageBinding, TextureUnit
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.state.compare_layout import CompareLayout
-from viewer.state.view_state import WHOLE, CompareMode, Difference, DifferenceKind, PaletteName, Zoom, palette_colors
+from viewer.state.palettes import PaletteName, palette_colors
+from viewer.state.view_state import WHOLE, CompareMode, Difference, DifferenceKind, Zoom
 
 DIMMED = 0.18
 """Brightness factor of textures that are not highlighted."""

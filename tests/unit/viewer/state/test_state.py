@@ -18,18 +18,10 @@ from viewer.state.motion import PATH_SECONDS, AnimationPlayback, Playback, Turnt
 from viewer.state.navigation import FASTER_STEP, NEAR_SHARE, fly, fly_speed, kept_in_sight
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.pack_files import preferred_source
+from viewer.state.palettes import PALETTES, PaletteName, palette_colors, share_of_most
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings, with_last_pack
-from viewer.state.view_state import (
-    LARGEST_ZOOM,
-    PALETTES,
-    REFERENCE,
-    WHOLE,
-    PaletteName,
-    Zoom,
-    palette_colors,
-    share_of_most,
-)
+from viewer.state.view_state import LARGEST_ZOOM, REFERENCE, WHOLE, Zoom
 
 ANIMATIONS = (AnimationFacts("walk", 2.0), AnimationFacts("wave", 0.5))
 
