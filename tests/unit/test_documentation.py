@@ -14,6 +14,9 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 CODE = re.compile(r"^```.*?^```|`[^`\n]*`|^(?: {4}|\t).*?$", re.DOTALL | re.MULTILINE)
 SOURCES = ("ntc", "viewer", "lab", "shaders", "tests", "assets")
 PATH_OF_A_PAGE = re.compile(r"\bdocs/[\w/-]+\.(?:md|ipynb|png|webp|script)\b")
+PATH_OF_A_SOURCE = re.compile(r"`((?:ntc|viewer|lab|shaders|tests|assets|integrations)/[a-z0-9_./]+)`")
+EXAMPLE = "viewer/render/passes/posterize.py"
+"""The pass that CONTRIBUTING shows how to add."""
 GONE = "at commit "
 """Beside a command that was run once, and is no longer in the program."""
 LONGEST_README_LINE, MOST_README_WORDS = 120, 800
@@ -63,6 +66,14 @@ def test_pages_that_sources_name_are_there() -> None:
         if not (ROOT / page).exists()
     }
     assert lost == set()
+
+
+@pytest.mark.parametrize("page", [ROOT / "CONTRIBUTING.md", ROOT / "docs/explanation/architecture.md"], ids=named)
+def test_sources_that_pages_for_contributors_name_are_there(page: Path) -> None:
+    paths = set(PATH_OF_A_SOURCE.findall(page.read_text(encoding="utf-8"))) - {EXAMPLE}
+    built = {"ntc/decode.glsl"}  # an include, relative to shaders/
+    assert [path for path in sorted(paths - built) if not (ROOT / path).exists()] == []
+    assert paths != set()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
