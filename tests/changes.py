@@ -27,7 +27,7 @@ SETS: Final[dict[str, tuple[str, ...]]] = {
         "viewer/export/",
     ),
     "lab": ("lab/", "ntc/"),
-    "notebook": ("docs/guide/library.ipynb", "ntc/api/", "ntc/__init__.py"),
+    "notebook": ("docs/guide/library.ipynb", "ntc/api.py", "ntc/__init__.py"),
     "rest": (
         "shaders/",
         "tests/support/rest/",
