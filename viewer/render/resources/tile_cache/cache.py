@@ -6,7 +6,7 @@ entry TILE_REQUESTED, and the first invocation to do so appends the tile to a li
 list and page numbers back, a frame or two later unless it waits. Because the marks stay, a list must always be read, and entries that
 are dropped must be invalidated.
 
-Decoding. Single tiles that are a whole mip come first, because any finer tile can show them instead; then coarse tiles before fine
+Decoding. Tiles that hold a whole mip come first, because they can replace any finer tile; then come coarse tiles before fine
 ones. Pages are given by PagePool: free ones, then the least recently read. A frame decodes as many tiles as its time allows
 (viewer/render/resources/tile_cache/budget.py). If all pages are visible, the remaining tiles are starved until the view changes.
 
