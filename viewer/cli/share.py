@@ -77,6 +77,9 @@ def share(options: ShareOptions) -> int:
         trainings = _trained(compared, options.out, progress, cancelled)
         rows = _measured(trainings, inputs, options, progress)
     _write(rows, options, settings, inputs)
+    for each in trainings:
+        if each.state is not None:
+            each.state.unlink(missing_ok=True)
     return 0
 
 
@@ -177,7 +180,5 @@ def _write(rows: Sequence[SharingRow], options: ShareOptions, settings: SharingS
     write_bytes(options.out / "share.png", picture.getvalue())
     write_text(options.out / "share.csv", Table(every, cells).csv())
     write_text(options.out / "share.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
-    for candidate in options.out.glob("*.state"):
-        candidate.unlink(missing_ok=True)
     table = Table(columns, cells).text()
     sys.stdout.write("\n".join([table, *conclusions, f"wrote {options.out}", ""]))
