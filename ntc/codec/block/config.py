@@ -105,16 +105,6 @@ class BlockConfig(CodecSettings):
         return tuple(self.block_side >> mip for mip in range(self.mips))
 
     @property
-    def code_texels(self) -> int:
-        """Texels of all mips of a code."""
-        return sum(side * side for side in self.code_sides)
-
-    def texels_of_mip(self, mip: int) -> slice:
-        """Place of the texels of a code's mip `mip` in a row of the basis."""
-        first = sum(side * side for side in self.code_sides[:mip])
-        return slice(first, first + self.code_sides[mip] ** 2)
-
-    @property
     def planes(self) -> tuple[tuple[int, ...], ...]:
         """Channels of each plane that has maps."""
         return tuple(tuple(channels.values()) for channels in plane_channels(self.maps, self.output_channels).values())
