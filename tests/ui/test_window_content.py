@@ -107,6 +107,7 @@ def test_nothing_is_drawn_when_nothing_changed(app: DrivenApp) -> None:
 def test_the_window_says_why_it_draws(app: DrivenApp) -> None:
     # On a busy machine frames are long, and a camera that has just moved is a reason for the whole picture.
     app.session.settings = replace(app.session.settings, coarse_while_moving=False)
+    app.settle()
     assert app.frontend.reasons(SIZE) == ()
     app.frame()
     assert "reason of the last frame: mouse" in timings_text(app.frontend.facts())
