@@ -139,7 +139,9 @@ def _covisible_inputs(source: Source, options: PaperScenesOptions) -> GroupingIn
     views = scene_views(source.scene, ViewSource(options.views, options.sampled_views, 0))
     if views.note:
         sys.stderr.write(f"note: {views.note}\n")
-    return GroupingInputs(views.all_then_release(), {}, FeatureOptions(cache=cache_folder("features")))
+    return GroupingInputs(
+        views.all_then_release(len(source.textures)), {}, FeatureOptions(cache=cache_folder("features"))
+    )
 
 
 def study_paper_scenes(options: PaperScenesOptions) -> int:

@@ -136,18 +136,18 @@ def cached_texture(request: CompressionRequest) -> CompressedTexture | None:
     height, width, channels = request.pixels.shape
     kind, shapes = kind_of(request.maps), mip_shapes((height, width, channels))
     sizes = [compressed_bytes(w, h, request.block_format, kind) for h, w, _ in shapes]
-    kept = ContentCache(request.cache).read(_cache_key(request))
-    if kept is None or len(kept) != sum(sizes):
+    blocks = ContentCache(request.cache).read(_cache_key(request))
+    if blocks is None or len(blocks) != sum(sizes):
         return None
     ends = np.cumsum(sizes).tolist()
-    return _compressed(request, tuple(kept[end - size : end] for end, size in zip(ends, sizes, strict=True)))
+    return _compressed(request, tuple(blocks[end - size : end] for end, size in zip(ends, sizes, strict=True)))
 
 
 def compress_texture(request: CompressionRequest) -> CompressedTexture:
-    """Encode a texture with all mips, or read what was kept. Raises InputError where the encoder is not installed."""
-    kept = cached_texture(request)
-    if kept is not None:
-        return kept
+    """Encode a texture with all mips, or read it from the cache. Raises InputError where the encoder is not installed."""
+    cached = cached_texture(request)
+    if cached is not None:
+        return cached
     kind = kind_of(request.maps)
     if kind == "normal":
         chain = mip_chain(request.pixels, "linear", request.maps)

@@ -63,11 +63,11 @@ class SampledTexels:
 
     def mean_psnr_db(self, pack: Pack) -> float:
         """Return the mean over textures of the PSNR in dB of `pack` on these texels, decoded in float64."""
-        found = []
+        qualities = []
         for index, (uv, values) in enumerate(zip(self.uv, self.values, strict=True)):
             decoded = decode_texels(pack, index, uv, np.zeros(len(uv)))
-            found.append(psnr_db(np.rint(decoded * 255.0).astype(np.uint8), values))
-        summary = PsnrSummary.of(found)
+            qualities.append(psnr_db(np.rint(decoded * 255.0).astype(np.uint8), values))
+        summary = PsnrSummary.of(qualities)
         return 0.0 if summary is None else summary.mean_db
 
 

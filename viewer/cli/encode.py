@@ -364,8 +364,7 @@ def _views(source: Source, options: EncodeOptions) -> tuple[NDArray[np.int32], .
     views = scene_views(source.scene, ViewSource(options.views, options.sampled_views, options.seed))
     if views.note:
         sys.stderr.write(f"note: {views.note}\n")
-    # Textures without a base colour, whose ids are the last, may be left out.
-    return tuple(np.where(view < len(source.textures), view, -1) for view in views.all_then_release())
+    return views.all_then_release(len(source.textures))
 
 
 class _EncodingProgress(TerminalProgress):

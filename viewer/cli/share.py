@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from ntc.codec.encoding import CancelQuestion
 from ntc.codec.registry import codec_named
 from ntc.errors import InputError, TrainingCancelledError
@@ -91,9 +89,7 @@ def _inputs(options: ShareOptions, settings: SharingSettings) -> _Inputs:
         return _Inputs(source, None, None)
     all_views = scene_views(source.scene, ViewSource(options.views, None, settings.seeds[0]))
     camera = (*all_views.cameras, *all_views.sampled)[0]
-    # Textures without a base colour, whose ids are the last, may be left out.
-    views = tuple(np.where(view < len(source.textures), view, -1) for view in all_views.all_then_release())
-    return _Inputs(source, SplitViews.of(views), camera)
+    return _Inputs(source, SplitViews.of(all_views.all_then_release(len(source.textures))), camera)
 
 
 def _trained(

@@ -51,14 +51,14 @@ class DivergenceFigures:
     def of(cls, views: Sequence[NDArray[np.int32]], grouping: Grouping) -> "DivergenceFigures":
         """Return the figures of `grouping` over `views` [H, W] int32 of texture ids, -1 for none."""
         decoders = np.array([*grouping.groups, -1], np.int32)
-        statistics = [DivergenceStatistics.of(divergence_map(decoders[view])) for view in views]
-        blocks, excess = sum(each.blocks for each in statistics), sum(each.excess for each in statistics)
+        counts = [divergence_map(decoders[view]).reshape(-1) for view in views]
+        all_blocks = DivergenceStatistics.of(np.concatenate(counts))
         return cls(
-            views=len(statistics),
-            blocks=sum(each.covered_blocks for each in statistics),
-            divergent_blocks=sum(each.divergent_blocks for each in statistics),
-            excess=excess,
-            score=excess / blocks if blocks else 0.0,
+            views=len(views),
+            blocks=all_blocks.covered_blocks,
+            divergent_blocks=all_blocks.divergent_blocks,
+            excess=all_blocks.excess,
+            score=all_blocks.score,
         )
 
 

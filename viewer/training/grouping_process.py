@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from ntc.codec.config import GroupingConfig
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
@@ -48,9 +46,7 @@ def grouping_inputs(job: GroupingJob) -> GroupingInputs:
         # Views of one scene cannot group the textures of another.
         raise InputError(f"{job.scene}: has changed since it was opened; open it again")
     views = scene_views(scene, ViewSource(seed=job.config.seed))
-    # Textures without a base colour, which have the last ids, may be left out.
-    seen = tuple(np.where(view < len(job.textures), view, -1) for view in views.all_then_release())
-    return GroupingInputs(seen, {}, features)
+    return GroupingInputs(views.all_then_release(len(job.textures)), {}, features)
 
 
 def group_textures(job: GroupingJob) -> Grouping:

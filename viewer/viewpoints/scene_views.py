@@ -110,11 +110,14 @@ class SceneViews:
         """Draw the texture ids [H, W] from the sampled viewpoints."""
         return tuple(self.renderer.texture_ids_from(camera, NEARBY_SIZE) for camera in self.sampled)
 
-    def all_then_release(self) -> tuple[NDArray[np.int32], ...]:
-        """Draw the texture ids [H, W] of all views, those near the cameras included, and release the renderer."""
+    def all_then_release(self, textures: int) -> tuple[NDArray[np.int32], ...]:
+        """Draw the texture ids [H, W] of all views, those near the cameras included, and release the renderer.
+
+        Ids from `textures` on become -1: textures without a base colour, which have the last ids, may be left out of an encoding.
+        """
         views = (*self.exactly(self.cameras), *self.near(self.cameras), *self.from_sampled())
         self.renderer.release()
-        return views
+        return tuple(np.where(view < textures, view, -1) for view in views)
 
 
 def cameras_of(scene: Scene, source: ViewSource) -> tuple[Camera, ...]:
